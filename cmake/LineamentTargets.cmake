@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: The Lineament authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# Functions that define the project's targets, so that flags and names are stated once.
+
+# Warnings and float behaviour of our own translation units; never exported to users.
+function(lineament_private_flags target)
+    target_compile_features(${target} PRIVATE cxx_std_20)
+    set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+    # No fused contraction: the same bits from every compiler (docs/guarantees.md).
+    target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wno-sign-conversion
+                                             -ffp-contract=off $<$<BOOL:${LINEAMENT_WARNINGS_AS_ERRORS}>:-Werror>)
+endfunction()
+
+# Declares include/lineament/<module>/*.hpp of the named modules as the public headers of <target>.
+# The headers are listed in include/lineament/<module>/headers.cmake, one list `headers` a module.
+function(lineament_public_headers target scope)
+    set(files)
+    foreach(module IN LISTS ARGN)
+        set(headers)
+        include(${PROJECT_SOURCE_DIR}/include/lineament/${module}/headers.cmake)
+        foreach(header IN LISTS headers)
+            list(APPEND files ${PROJECT_SOURCE_DIR}/include/lineament/${module}/${header})
+        endforeach()
+    endforeach()
+    target_sources(${target} ${scope} FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}/include FILES ${files})
+    # Every header compiles alone: target all_verify_interface_header_sets.
+    set_target_properties(${target} PROPERTIES VERIFY_INTERFACE_HEADER_SETS ON)
+endfunction()
+
+# A compiled library lineament_<module> with alias and export name lineament::<module>.
+function(lineament_library module)
+    add_library(lineament_${module} STATIC ${ARGN})
+    add_library(lineament::${module} ALIAS lineament_${module})
+    set_target_properties(lineament_${module} PROPERTIES EXPORT_NAME ${module} POSITION_INDEPENDENT_CODE ON)
+    target_compile_features(lineament_${module} PUBLIC cxx_std_20)
+    lineament_public_headers(lineament_${module} PUBLIC ${module})
+    lineament_private_flags(lineament_${module})
+endfunction()
+
+# A GoogleTest program tests/<module>/<module>_tests with the given sources and libraries:
+#   lineament_test(fit SOURCES a_test.cpp b_test.cpp LIBRARIES lineament::core)
+function(lineament_test module)
+    cmake_parse_arguments(test "" "" "SOURCES;LIBRARIES" ${ARGN})
+    add_executable(${module}_tests ${test_SOURCES})
+    target_link_libraries(${module}_tests PRIVATE ${test_LIBRARIES} lineament_test_support GTest::gmock GTest::gtest_main)
+    lineament_private_flags(${module}_tests)
+    target_precompile_headers(${module}_tests REUSE_FROM lineament_test_support)
+    gtest_discover_tests(${module}_tests TEST_PREFIX "${module}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
+endfunction()

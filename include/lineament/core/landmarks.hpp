@@ -1,0 +1,43 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace lineament {
+
+/// A named point seen in an image.
+struct Landmark
+{
+    std::string name = {};                              ///< For the scheme ibug68: "1" ... "68".
+    Eigen::Vector2d point_px = Eigen::Vector2d::Zero(); ///< Image space: pixel centres at +0.5, y down.
+    double confidence = 1.0;                            ///< [0, 1]; 0 means: not seen, point ignored.
+
+    bool operator==(const Landmark&) const = default;
+};
+
+/// The landmarks of one face under one naming scheme, in any order; missing ones are simply absent.
+struct LandmarkSet
+{
+    std::string scheme = "ibug68";
+    std::vector<Landmark> landmarks = {};
+
+    /// The landmark of that name, if it is in the set.
+    [[nodiscard]] std::optional<Landmark> find(const std::string& name) const
+    {
+        for (const Landmark& landmark : landmarks) {
+            if (landmark.name == name) {
+                return landmark;
+            }
+        }
+        return std::nullopt;
+    }
+
+    bool operator==(const LandmarkSet&) const = default;
+};
+
+} // namespace lineament

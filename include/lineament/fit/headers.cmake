@@ -1,0 +1,1 @@
+set(headers fit_result.hpp)
