@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: The Lineament authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# Rules that hold of every source file: licence lines, format, the direction of includes. Prints what breaks them.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+failures=0
+complain() { printf '%s\n' "$*"; failures=$((failures + 1)); }
+
+if git rev-parse > /dev/null 2>&1; then
+    files=$(git ls-files --cached --others --exclude-standard)
+else
+    files=$(find . -type f -not -path './build/*' -not -path './out/*' | sed 's#^\./##')
+fi
+sources=$(grep -E '\.(hpp|cpp)$' <<< "$files")
+
+for file in $(grep -E '\.(hpp|cpp|cmake|sh|js|py)$|CMakeLists\.txt$' <<< "$files"); do
+    [ -e "$file" ] || continue
+    case "$file" in include/*/headers.cmake) continue ;; esac
+    head -n 4 "$file" | grep -q 'SPDX-License-Identifier: Apache-2.0' || complain "$file: no SPDX licence line"
+done
+
+if command -v clang-format > /dev/null && clang-format --version | grep -q 'version 14'; then
+    for file in $sources; do
+        [ -e "$file" ] || continue
+        clang-format --dry-run -Werror "$file" > /dev/null 2>&1 || complain "$file: not formatted (clang-format -i)"
+    done
+else
+    echo "clang-format 14 is not installed: formatting not checked"
+fi
+
+# A module includes only modules below it; the order of this table is low to high.
+declare -A allowed=(
+    [core]="core" [model]="core model" [camera]="core camera" [render]="core model camera render"
+    [fit]="core model camera render fit" [io]="core model camera render fit io"
+    [build]="core model camera render fit io build" [vision]="core model camera render fit io vision"
+    [report]="core model camera render fit io report")
+for file in $sources; do
+    [ -e "$file" ] || continue
+    module=$(sed -nE 's#^(include/lineament|src)/([a-z]+)/.*#\2#p' <<< "$file")
+    [ -n "$module" ] && [ -n "${allowed[$module]:-}" ] || continue
+    for included in $(grep -oE '^#include "lineament/[a-z]+/' "$file" | cut -d/ -f2 | sort -u); do
+        [[ " ${allowed[$module]} " == *" $included "* ]] || complain "$file: module $module must not include $included"
+    done
+    case "$module" in
+    core | model | camera | render | fit)
+        grep -nE '#include <(iostream|sstream|fstream|ranges|format|nlohmann|CLI|filesystem)' "$file" &&
+            complain "$file: the header-only core does not include these" ;;
+    esac
+done
+
+# The locale must not change a number: no locale-dependent conversion outside of messages.
+grep -nE '\b(strtod|strtof|stof|stod|atof|setlocale)\b' $sources && complain "use std::from_chars"
+if [ "$failures" -gt 0 ]; then
+    echo "$failures problem(s)"
+    exit 1
+fi
+echo "source tree is in order"

@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# SPDX-FileCopyrightText: The Lineament authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# Installs what is missing, builds everything with warnings as errors, and runs all checks and tests:
+#   scripts/test.sh [ctest arguments]
+source "$(dirname "$0")/lib.sh"
+
+step "install what is missing" install_packages "${build_packages[@]}" "${test_packages[@]}"
+if command -v npm > /dev/null; then
+    step "fetch the glTF validator" fetch_npm_package gltf-validator 2.0.0-dev.3.10 "$cache/npm/node_modules/gltf-validator"
+    export LINEAMENT_GLTF_VALIDATOR=$cache/npm/node_modules
+else
+    say "== no npm here: the test with the glTF validator will be skipped by name"
+fi
+step "check the source tree" "$root/scripts/check-source.sh"
+step "configure" configure ci
+step "build" cmake --build "$root/build/ci" -j "$(nproc)"
+step "compile each public header alone" cmake --build "$root/build/ci" -j "$(nproc)" --target all_verify_interface_header_sets
+step_name="run the tests"
+say "== $step_name"
+ctest --test-dir "$root/build/ci" --output-on-failure -j "$(nproc)" "$@"

@@ -1,0 +1,29 @@
+# SPDX-FileCopyrightText: The Lineament authors
+# SPDX-License-Identifier: Apache-2.0
+file(REMOVE_RECURSE ${work_dir})
+file(MAKE_DIRECTORY ${work_dir})
+
+function(run)
+    execute_process(COMMAND ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+    if(NOT result EQUAL 0)
+        message(FATAL_ERROR "failed (${result}): ${ARGN}\n${output}")
+    endif()
+    message(STATUS "${output}")
+endfunction()
+
+set(here ${source_dir}/tests/package)
+if(way STREQUAL plain)
+    run(${compiler} -std=c++20 -Wall -Wextra -Werror -O1 -I ${source_dir}/include -isystem ${eigen} ${here}/plain/main.cpp
+        -o ${work_dir}/plain)
+    run(${work_dir}/plain)
+    return()
+endif()
+if(way STREQUAL installed)
+    run(${CMAKE_COMMAND} --install ${binary_dir} --prefix ${work_dir}/prefix)
+    set(arguments -DCMAKE_PREFIX_PATH=${work_dir}/prefix -DLINEAMENT_COMPONENT=io)
+else()
+    set(arguments -DLINEAMENT_SUBDIRECTORY=${source_dir} -DLINEAMENT_BUILD_LIBRARIES=OFF)
+endif()
+run(${CMAKE_COMMAND} -S ${here}/consumer -B ${work_dir}/build -DCMAKE_CXX_COMPILER=${compiler} ${arguments})
+run(${CMAKE_COMMAND} --build ${work_dir}/build)
+run(${work_dir}/build/consumer)
