@@ -1,1 +1,5 @@
-set(headers )
+# SPDX-FileCopyrightText: The Lineament authors
+# SPDX-License-Identifier: Apache-2.0
+set(headers
+    decimation.hpp
+)
