@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "commands.hpp"
+#include "console.hpp"
+
+#include "lineament/core/version.hpp"
+
+#include <CLI/CLI.hpp>
+
+int main(int argc, char** argv)
+{
+    using namespace lineament::cli;
+    catch_signals();
+    CLI::App program{"Real-time 3D face reconstruction from photos and video.", "lineament"};
+    program.set_version_flag("--version", std::string("lineament ") + lineament::version);
+    program.require_subcommand(1);
+    program.fallthrough();
+    program.add_flag_function(
+        "-q,--quiet", [](std::int64_t) { be_quiet(); }, "No progress bar and no notes.");
+    program.footer("Examples:\n"
+                   "  lineament fit portrait.jpg               one folder 'portrait' with mesh, texture and report\n"
+                   "  lineament fit photos/ -o faces           every picture of a folder\n"
+                   "  lineament track interview.mp4            a row per frame, an animated face, a report\n"
+                   "  lineament model info                     what the face model holds\n"
+                   "  lineament doctor                         what is installed and what is missing\n"
+                   "Exit codes: 0 all done; 1 several inputs, some failed; 2 wrong use; 3 bad input; 4 file or device "
+                   "failed;\n  5 limit exceeded; 6 no trustworthy answer in the input; 130/143 interrupted.");
+    Action action;
+    add_fit_command(program, action);
+    add_track_command(program, action);
+    add_model_command(program, action);
+    add_doctor_command(program, action);
+    try {
+        program.parse(argc, argv);
+    } catch (const CLI::Success& request) { // --help, --version
+        program.exit(request);
+        return std::fflush(stdout) == 0 ? all_done : system_failed;
+    } catch (const CLI::ParseError& error) {
+        print_error(std::string(error.what()) + " (lineament --help shows how to use it)");
+        return wrong_use;
+    }
+    try {
+        return action();
+    } catch (...) {
+        const Failure failure = current_failure();
+        print_error(failure.what());
+        return failure.exit_code();
+    }
+}
