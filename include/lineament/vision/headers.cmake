@@ -1,1 +1,7 @@
-set(headers )
+# SPDX-FileCopyrightText: The Lineament authors
+# SPDX-License-Identifier: Apache-2.0
+set(headers
+    face_detector.hpp
+    video_reader.hpp
+    video_writer.hpp
+    video.hpp)
