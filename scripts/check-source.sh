@@ -34,7 +34,8 @@ fi
 declare -A allowed=(
     [core]="core" [model]="core model" [camera]="core camera" [render]="core model camera render"
     [fit]="core model camera render fit" [io]="core model camera render fit io"
-    [build]="core model camera render fit io build" [vision]="core model camera render fit io vision"
+    [build]="core model camera render fit io build"
+    [evaluation]="core model camera render fit io evaluation" [vision]="core model camera render fit io vision"
     [report]="core model camera render fit io report")
 for file in $sources; do
     [ -e "$file" ] || continue

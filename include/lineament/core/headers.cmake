@@ -1,1 +1,1 @@
-set(headers checks.hpp error.hpp image.hpp landmarks.hpp mesh.hpp random.hpp version.hpp)
+set(headers checks.hpp closest_point.hpp error.hpp image.hpp landmarks.hpp mesh.hpp procrustes.hpp random.hpp version.hpp)

@@ -1,0 +1,1 @@
+set(headers now.hpp)
