@@ -1,1 +1,3 @@
-set(headers )
+set(headers
+    file.hpp
+)
