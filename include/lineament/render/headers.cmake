@@ -1,1 +1,9 @@
-set(headers )
+set(headers
+    checks.hpp
+    color.hpp
+    rasterizer.hpp
+    shading.hpp
+    shading_impl.hpp
+    triangle_coverage.hpp
+    visibility.hpp
+)
