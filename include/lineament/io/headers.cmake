@@ -1,3 +1,5 @@
 set(headers
     file.hpp
+    model_file.hpp
+    safetensors.hpp
 )
