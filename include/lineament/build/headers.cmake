@@ -2,4 +2,5 @@
 # SPDX-License-Identifier: Apache-2.0
 set(headers
     decimation.hpp
+    isomap_embedding.hpp
 )
