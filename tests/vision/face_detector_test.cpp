@@ -1,0 +1,175 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/vision/face_detector.hpp"
+
+#include "lineament/core/error.hpp"
+#include "lineament/core/random.hpp"
+#include "lineament/vision/video.hpp"
+#include "support/matchers.hpp"
+
+#include <fstream>
+
+namespace lineament {
+namespace {
+
+using test::throws;
+
+constexpr const char* landmark_model = "/usr/share/dlib/shape_predictor_68_face_landmarks.dat";
+
+#define REQUIRE_LANDMARK_MODEL()                                                                                       \
+    if (!std::filesystem::exists(landmark_model)) {                                                                    \
+        GTEST_SKIP() << landmark_model << " not found (apt-get install libdlib-data)";                                 \
+    }
+
+FaceDetector& detector()
+{
+    static FaceDetector instance;
+    return instance;
+}
+
+/// A landmark set with 68 points on a circle.
+LandmarkSet ring(double x, double y, double radius)
+{
+    LandmarkSet set;
+    for (int i = 0; i < 68; ++i) {
+        const double angle = i * 2.399963;
+        set.landmarks.push_back(
+            {.name = std::to_string(i + 1), .point_px = {x + radius * std::cos(angle), y + radius * std::sin(angle)}});
+    }
+    return set;
+}
+
+/// Mean distance of the inner points 18 ... 68 in units of the outer-eye distance of `a`.
+double inner_difference(const LandmarkSet& a, const LandmarkSet& b)
+{
+    const double eyes = (a.find("37")->point_px - a.find("46")->point_px).norm();
+    double sum = 0.0;
+    for (int i = 18; i <= 68; ++i) {
+        sum += (a.find(std::to_string(i))->point_px - b.find(std::to_string(i))->point_px).norm();
+    }
+    return sum / (51.0 * eyes);
+}
+
+TEST(FaceDetector, ModelThatIsMissingOrOfAnotherKindIsNamed)
+{
+    const test::TemporaryFolder folder;
+    const auto load = [&](const std::string& name) { FaceDetector({.landmark_model = folder / name}); };
+    EXPECT_TRUE(throws<IoError>([&] { load("none.dat"); }, "none.dat", "apt-get install libdlib-data"));
+    EXPECT_TRUE(throws<IoError>([&] { load(""); }, "not found"));
+    std::ofstream(folder / "empty.dat").flush();
+    EXPECT_TRUE(throws<IoError>([&] { load("empty.dat"); }, "an empty file"));
+    std::ofstream(folder / "packed.dat") << "BZh91AY&SY and so on";
+    EXPECT_TRUE(throws<IoError>([&] { load("packed.dat"); }, "bzip2", "bunzip2"));
+    std::ofstream(folder / "pointer.dat") << "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n";
+    EXPECT_TRUE(throws<IoError>([&] { load("pointer.dat"); }, "Git LFS"));
+    std::ofstream(folder / "text.dat") << "<html>not found</html>";
+    EXPECT_TRUE(throws<IoError>([&] { load("text.dat"); }, "text.dat", "68-point shape predictor"));
+}
+
+TEST(FaceDetector, CutModelIsNamed)
+{
+    REQUIRE_LANDMARK_MODEL();
+    const test::TemporaryFolder folder;
+    std::string start(100'000, '\0');
+    std::ifstream(landmark_model, std::ios::binary).read(start.data(), static_cast<std::streamsize>(start.size()));
+    std::ofstream(folder / "cut.dat", std::ios::binary) << start;
+    EXPECT_TRUE(throws<IoError>([&] { FaceDetector({.landmark_model = folder / "cut.dat"}); }, "cut.dat", "cut file"));
+}
+
+TEST(FaceDetector, PicturesWithoutAFaceGiveNone)
+{
+    REQUIRE_LANDMARK_MODEL();
+    EXPECT_TRUE(detector().detect({}).empty());
+    for (const auto& [width, height] : {std::pair(1, 1), {3, 5}, {640, 480}, {4000, 2}, {2, 3000}}) {
+        EXPECT_TRUE(detector().detect(ImageU8(width, height, 3, 128)).empty()) << width << " x " << height;
+    }
+    ImageU8 noise(300, 200, 3);
+    Random random(7);
+    for (std::uint8_t& value : noise.data) {
+        value = static_cast<std::uint8_t>(255.0 * random.uniform());
+    }
+    EXPECT_TRUE(detector().detect(noise).empty());
+}
+
+TEST(FaceDetector, BrokenContractsAreRefused)
+{
+    REQUIRE_LANDMARK_MODEL();
+    const ImageU8 picture(100, 100, 3);
+    EXPECT_TRUE(throws<InvalidArgument>([] { (void)detector().detect(ImageU8(100, 100, 1)); }, "3 channels"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)detector().detect(picture, {.min_face_size_px = NAN}); },
+                                        "min_face_size_px"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)detector().detect(picture, {.max_search_pixels = 0}); },
+                                        "max_search_pixels"));
+    for (const FaceBox& box : {FaceBox{.left = 0, .top = 0, .width = 0, .height = 10},
+                               FaceBox{.left = 200, .top = 0, .width = 50, .height = 50},
+                               FaceBox{.left = NAN, .top = 0, .width = 50, .height = 50},
+                               FaceBox{.left = 0, .top = 0, .width = 1e300, .height = 50}}) {
+        EXPECT_TRUE(throws<InvalidArgument>([&] { (void)detector().landmarks(picture, box); }, "box"));
+    }
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)detector().follow(picture, {}); }, "18"));
+}
+
+TEST(FaceDetector, FollowingWhereThereIsNoFaceIsLost)
+{
+    REQUIRE_LANDMARK_MODEL();
+    const ImageU8 blank(400, 300, 3, 90);
+    EXPECT_EQ(detector().follow(blank, ring(200, 150, 40)), std::nullopt);
+    EXPECT_EQ(detector().follow(blank, ring(2000, 150, 40)), std::nullopt);
+    EXPECT_EQ(detector().follow(blank, ring(200, 150, 1e-3)), std::nullopt);
+}
+
+TEST(BoxOf, MovesAndGrowsWithTheLandmarks)
+{
+    const FaceBox box = box_of(ring(100, 80, 20));
+    const FaceBox other = box_of(ring(300, 40, 60));
+    EXPECT_NEAR(other.width, 3.0 * box.width, 1e-9);
+    EXPECT_NEAR(other.height, 3.0 * box.height, 1e-9);
+    EXPECT_NEAR((other.left - 300.0) / 3.0, box.left - 100.0, 1e-9);
+    EXPECT_NEAR((other.top - 40.0) / 3.0, box.top - 80.0, 1e-9);
+    EXPECT_TRUE(throws<InvalidArgument>([] { (void)box_of(ring(1, 1, 0)); }, "one point"));
+    LandmarkSet bad = ring(1, 1, 1);
+    bad.landmarks[30].point_px.x() = NAN;
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)box_of(bad); }, "31"));
+}
+
+TEST(FaceDetector, FollowsARealFaceWithTheSameLandmarksAsDetection)
+{
+    REQUIRE_LANDMARK_MODEL();
+    LINEAMENT_REQUIRE_REAL_DATA("video/obama_address.mp4");
+    VideoReader reader((test::real_data_folder() / "video/obama_address.mp4").string());
+    std::optional<VideoFrame> frame = reader.next();
+    std::vector<DetectedFace> faces = detector().detect(frame->picture);
+    ASSERT_EQ(faces.size(), 1u);
+    DetectedFace face = faces[0];
+    for (int i = 0; i < 50; ++i) {
+        frame = reader.next();
+        const std::optional<DetectedFace> followed = detector().follow(frame->picture, face.landmarks);
+        ASSERT_TRUE(followed) << "frame " << frame->index;
+        face = *followed;
+        EXPECT_GT(face.confidence, 0.8);
+        if (i % 10 == 9) {
+            faces = detector().detect(frame->picture);
+            ASSERT_FALSE(faces.empty());
+            EXPECT_LE(inner_difference(faces[0].landmarks, face.landmarks), 0.02);
+            EXPECT_NEAR(face.box.width, faces[0].box.width, 0.2 * faces[0].box.width);
+        }
+    }
+}
+
+TEST(FaceDetector, FollowingLosesTheFaceWhenTheSceneChanges)
+{
+    REQUIRE_LANDMARK_MODEL();
+    LINEAMENT_REQUIRE_REAL_DATA("video/no_face.mp4");
+    VideoReader reader((test::real_data_folder() / "video/no_face.mp4").string());
+    int lost = 0;
+    int asked = 0;
+    while (const std::optional<VideoFrame> frame = reader.next()) {
+        const double x = 100.0 + 7.0 * static_cast<double>(frame->index);
+        lost += detector().follow(frame->picture, ring(x, 270, 45)) ? 0 : 1;
+        ++asked;
+    }
+    EXPECT_GE(lost, 0.95 * asked);
+}
+
+} // namespace
+} // namespace lineament
