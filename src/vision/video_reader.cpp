@@ -120,6 +120,43 @@ std::string size_text(int width, int height)
     return std::to_string(width) + " x " + std::to_string(height);
 }
 
+/// Whether the last top-level box of an MP4 or MOV file reaches beyond its end (ISO/IEC 14496-12, 4.2); false for
+/// files of other formats.
+bool ends_within_a_box(const std::string& path)
+{
+    std::ifstream file(path, std::ios::binary);
+    const auto size = static_cast<std::uint64_t>(std::filesystem::file_size(path));
+    std::uint64_t offset = 0;
+    while (offset < size) {
+        if (size - offset < 8) {
+            return true;
+        }
+        unsigned char head[16] = {};
+        file.seekg(static_cast<std::streamoff>(offset));
+        file.read(reinterpret_cast<char*>(head), sizeof head);
+        const auto big_endian = [&](int first, int count) {
+            std::uint64_t value = 0;
+            for (int i = first; i < first + count; ++i) {
+                value = value << 8 | head[i];
+            }
+            return value;
+        };
+        if (offset == 0 && std::memcmp(head + 4, "ftyp", 4) != 0) {
+            return false;
+        }
+        const std::uint64_t box_size = big_endian(0, 4) == 1 ? big_endian(8, 8) : big_endian(0, 4);
+        if (box_size == 0) {
+            return false; // reaches to the end by definition
+        }
+        if (box_size < 8 || box_size > size - offset) {
+            return true;
+        }
+        file.clear();
+        offset += box_size;
+    }
+    return false;
+}
+
 } // namespace
 
 struct VideoReader::Implementation
@@ -270,6 +307,9 @@ bool VideoReader::Implementation::decode()
         }
         if (packet->stream_index == stream->index) {
             ++num_packets;
+            if ((packet->flags & AV_PKT_FLAG_CORRUPT) != 0) {
+                note_damage(); // the file ends within the packet
+            }
             if (avcodec_send_packet(decoder.get(), packet.get()) < 0) {
                 note_damage();
             }
@@ -292,7 +332,7 @@ void VideoReader::Implementation::note_early_end(int error)
         early_end = "reading failed (" + ffmpeg::error_text(error) + ")";
     } else if (input->pb != nullptr && input->pb->error < 0) {
         early_end = "reading failed (" + ffmpeg::error_text(input->pb->error) + ")";
-    } else if (num_packets < stream->nb_frames) {
+    } else if (num_packets < stream->nb_frames || ends_within_a_box(path)) {
         early_end = "the file is cut";
     }
 }

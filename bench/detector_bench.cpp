@@ -1,0 +1,187 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// How many annotated faces the detector finds and how far its landmarks lie from the annotation.
+//   detector_bench DATA     DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/video/*.mp4
+#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/video.hpp"
+
+#include <dlib/image_io.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+namespace {
+
+using namespace lineament;
+namespace fs = std::filesystem;
+using Points = std::vector<Eigen::Vector2d>;
+
+ImageU8 load_picture(const fs::path& path)
+{
+    dlib::array2d<dlib::rgb_pixel> stored;
+    dlib::load_image(stored, path.string());
+    ImageU8 picture(static_cast<int>(stored.nc()), static_cast<int>(stored.nr()), 3);
+    for (int row = 0; row < picture.height; ++row) {
+        for (int column = 0; column < picture.width; ++column) {
+            const dlib::rgb_pixel& from = stored[row][column];
+            std::uint8_t* to = picture.pixel(column, row);
+            to[0] = from.red, to[1] = from.green, to[2] = from.blue;
+        }
+    }
+    return picture;
+}
+
+/// The lines of two numbers; with or without the .pts header.
+Points load_points(const fs::path& path, double offset)
+{
+    std::ifstream file(path);
+    Points points;
+    for (std::string line; std::getline(file, line);) {
+        std::istringstream text(line);
+        if (double x = 0, y = 0; text >> x >> y) {
+            points.emplace_back(x + offset, y + offset);
+        }
+    }
+    return points;
+}
+
+/// Mean distance of the points from `first` on (0-based), % of the outer-eye distance of the annotation.
+double error_percent(const LandmarkSet& found, const Points& truth, int first)
+{
+    double sum = 0.0;
+    for (int i = first; i < 68; ++i) {
+        sum += (found.landmarks[i].point_px - truth[i]).norm();
+    }
+    return 100.0 * sum / ((68 - first) * (truth[36] - truth[45]).norm());
+}
+
+double median(std::vector<double> values)
+{
+    std::sort(values.begin(), values.end());
+    return values.empty() ? 0.0 : values[values.size() / 2];
+}
+
+double milliseconds_since(std::chrono::steady_clock::time_point start)
+{
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// The picture an annotation belongs to: same stem, or the stem without what follows the first or last "_".
+fs::path picture_of(const fs::path& annotation)
+{
+    const std::string stem = annotation.stem().string();
+    for (const std::string& name : {stem, stem.substr(0, stem.find('_')), stem.substr(0, stem.rfind('_'))}) {
+        for (const char* extension : {".jpg", ".png"}) {
+            if (fs::exists(annotation.parent_path() / (name + extension))) {
+                return annotation.parent_path() / (name + extension);
+            }
+        }
+    }
+    return {};
+}
+
+void measure_set(FaceDetector& detector, const fs::path& folder)
+{
+    std::map<fs::path, std::vector<Points>> faces_of;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+        if (entry.path().extension() == ".pts") {
+            // iBUG counts pixels from 1; the reannotated AFLW2000 points from 0.
+            const bool from_zero = entry.path().stem().string().find("reannotated") != std::string::npos;
+            const Points points = load_points(entry.path(), from_zero ? 0.5 : -0.5);
+            if (points.size() == 68 && !picture_of(entry.path()).empty()) {
+                faces_of[picture_of(entry.path())].push_back(points);
+            }
+        }
+    }
+    int annotated = 0;
+    int unannotated = 0;
+    std::vector<double> inner;
+    std::vector<double> all;
+    std::vector<double> times_ms;
+    for (const auto& [path, truths] : faces_of) {
+        const ImageU8 picture = load_picture(path);
+        const auto start = std::chrono::steady_clock::now();
+        const std::vector<DetectedFace> faces = detector.detect(picture);
+        times_ms.push_back(milliseconds_since(start));
+        unannotated += static_cast<int>(faces.size());
+        for (const Points& truth : truths) {
+            ++annotated;
+            const auto error = [&](const DetectedFace& face) { return error_percent(face.landmarks, truth, 17); };
+            const auto best = std::min_element(faces.begin(), faces.end(),
+                                               [&](const auto& a, const auto& b) { return error(a) < error(b); });
+            if (best != faces.end() && error(*best) < 35.0) {
+                inner.push_back(error(*best));
+                all.push_back(error_percent(best->landmarks, truth, 0));
+                --unannotated;
+            }
+        }
+    }
+    std::printf("%-18s %9d %6zu %12d %9.2f %7.2f %8.0f\n", folder.filename().c_str(), annotated, inner.size(),
+                unannotated, median(inner), median(all), median(times_ms));
+}
+
+void measure_video(FaceDetector& detector, const fs::path& path)
+{
+    VideoReader reader(path.string());
+    int frames = 0;
+    int followed = 0;
+    int detections = 0;
+    double decode_ms = 0.0;
+    std::vector<double> follow_ms;
+    std::optional<DetectedFace> face;
+    while (true) {
+        auto start = std::chrono::steady_clock::now();
+        const std::optional<VideoFrame> frame = reader.next();
+        decode_ms += milliseconds_since(start);
+        if (!frame) {
+            break;
+        }
+        ++frames;
+        if (face) {
+            start = std::chrono::steady_clock::now();
+            face = detector.follow(frame->picture, face->landmarks);
+            follow_ms.push_back(milliseconds_since(start));
+            followed += face ? 1 : 0;
+        }
+        if (!face && frames % 5 == 1) {
+            const std::vector<DetectedFace> faces = detector.detect(frame->picture);
+            ++detections;
+            if (!faces.empty()) {
+                face = faces.front();
+            }
+        }
+    }
+    std::printf("%-32s %6d %8d %10d %10.0f %9.1f\n", path.filename().c_str(), frames, followed, detections,
+                1000.0 * frames / decode_ms, median(follow_ms));
+}
+
+} // namespace
+
+int main(int count, char** arguments)
+{
+    if (count != 2) {
+        std::fprintf(stderr, "usage: detector_bench DATA\n");
+        return 2;
+    }
+    try {
+        const fs::path data = arguments[1];
+        FaceDetector detector;
+        std::printf("set                annotated  found other_faces inner51_%%  all68_%% ms/photo   (medians)\n");
+        for (const char* set : {"helen_test", "helen_train", "afw", "lfpw_same_person", "aflw2000"}) {
+            measure_set(detector, data / "images" / set);
+        }
+        std::printf("\nvideo                            frames followed detections decode_fps follow_ms\n");
+        for (const auto& entry : fs::directory_iterator(data / "video")) {
+            measure_video(detector, entry.path());
+        }
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "detector_bench: error: %s\n", error.what());
+        return 1;
+    }
+}
