@@ -55,6 +55,20 @@ struct Camera
         return image_points;
     }
 
+    /// d project / d point (2 x 3) [px/mm] at a model point: s R_2 under scaled orthographic projection,
+    /// s / (1 + phi P_z) (R_2 - phi p r_3) with p = (P_x, P_y) / (1 + phi P_z) under perspective.
+    [[nodiscard]] Eigen::Matrix<double, 2, 3> jacobian(const Eigen::Vector3d& point_in_model) const
+    {
+        if (phi_per_mm == 0.0) {
+            return scale_px_per_mm * camera_from_model.topRows<2>();
+        }
+        const Eigen::Vector3d point = in_camera(point_in_model);
+        const double inverse_depth = 1.0 / (1.0 + phi_per_mm * point.z());
+        const Eigen::Vector2d seen = inverse_depth * point.head<2>();
+        return scale_px_per_mm * inverse_depth *
+               (camera_from_model.topRows<2>() - phi_per_mm * seen * camera_from_model.row(2));
+    }
+
     /// t = c + s tau [px]: where the model's origin is seen.
     [[nodiscard]] Eigen::Vector2d image_translation_px() const
     {

@@ -1,1 +1,24 @@
-set(headers fit_result.hpp)
+set(headers
+    affine_camera.hpp
+    bounded_least_squares.hpp
+    bounded_least_squares_impl.hpp
+    contour.hpp
+    contour_impl.hpp
+    depth_buffer_impl.hpp
+    expression.hpp
+    face_fitter.hpp
+    face_fitter_impl.hpp
+    fit_result.hpp
+    frame_fit_impl.hpp
+    identity.hpp
+    identity_impl.hpp
+    model_points.hpp
+    frame_selection.hpp
+    multi_frame.hpp
+    multi_frame_impl.hpp
+    nnls.hpp
+    perspective_pose_impl.hpp
+    pose.hpp
+    pose_impl.hpp
+    pose_support_impl.hpp
+    silhouette_impl.hpp)

@@ -1,0 +1,126 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/fit/contour.hpp"
+
+#include "lineament/camera/angles.hpp"
+
+#include <limits>
+
+namespace lineament {
+
+inline std::optional<FaceSide> outline_side(const std::string& name)
+{
+    if (name.empty() || name.size() > 2 || name.find_first_not_of("0123456789") != std::string::npos ||
+        name.front() == '0') {
+        return std::nullopt;
+    }
+    const int number = std::stoi(name);
+    if (number <= 8) {
+        return FaceSide::right;
+    }
+    if (number >= 10 && number <= 17) {
+        return FaceSide::left;
+    }
+    return std::nullopt;
+}
+
+inline ContourView contour_view(double yaw_rad, ContourView before, const ContourOptions& options)
+{
+    const double yaw_deg = degrees(yaw_rad);
+    const double widened = before == ContourView::frontal ? options.hysteresis_deg : -options.hysteresis_deg;
+    // Leaving the frontal view takes more than entering it.
+    const double limit = options.frontal_yaw_deg + widened;
+    if (std::abs(yaw_deg) <= limit) {
+        return ContourView::frontal;
+    }
+    return yaw_deg > 0 ? ContourView::shows_right : ContourView::shows_left;
+}
+
+namespace detail {
+
+/// Position of the nearest column to the point, and the distance; -1 if there is none.
+[[nodiscard]] inline std::pair<int, double> nearest_column(const Eigen::Matrix2Xd& points, const Eigen::Vector2d& point)
+{
+    int nearest = -1;
+    double least = std::numeric_limits<double>::infinity();
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+        const double distance = (points.col(i) - point).squaredNorm();
+        if (distance < least) {
+            least = distance;
+            nearest = static_cast<int>(i);
+        }
+    }
+    return {nearest, std::sqrt(least)};
+}
+
+/// Image points (2 x N) of single vertices.
+[[nodiscard]] inline Eigen::Matrix2Xd project_vertices(const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices,
+                                                       const std::vector<int>& vertices, const Camera& camera)
+{
+    Eigen::Matrix2Xd points(2, static_cast<Eigen::Index>(vertices.size()));
+    for (std::size_t i = 0; i < vertices.size(); ++i) {
+        const Eigen::Vector3d vertex = shape_vertices.col(vertices[i]).cast<double>();
+        points.col(static_cast<Eigen::Index>(i)) = camera.project(vertex);
+    }
+    return points;
+}
+
+} // namespace detail
+
+inline ContourMatches match_contour(const ContourModel& contour,
+                                    const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices, const Camera& camera,
+                                    const LandmarkSet& landmarks, ContourView before, const ContourOptions& options)
+{
+    require_size(shape_vertices.cols(), contour.num_vertices(), "match_contour", "shape_vertices");
+    ContourMatches result;
+    result.view = contour_view(angles_from_rotation(camera.camera_from_model).yaw, before, options);
+    const double max_distance_px = options.max_distance_mm * camera.scale_px_per_mm;
+
+    for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
+        const bool is_occluding =
+            result.view == (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left);
+        if (is_occluding && options.occluding_match == OccludingMatch::none) {
+            continue;
+        }
+        std::vector<int> seen; // the outline landmarks of this side
+        for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
+            const Landmark& landmark = landmarks.landmarks[l];
+            if (landmark.confidence > 0 && outline_side(landmark.name) == side) {
+                seen.push_back(static_cast<int>(l));
+            }
+        }
+        if (seen.empty()) {
+            continue;
+        }
+        const std::vector<int> vertices =
+            is_occluding ? contour.silhouette_vertices(shape_vertices, camera, side, options.occlusion_depth_mm)
+                         : contour.candidates(side);
+        const Eigen::Matrix2Xd projected = detail::project_vertices(shape_vertices, vertices, camera);
+
+        if (is_occluding && options.occluding_match == OccludingMatch::silhouette_to_landmark) {
+            Eigen::Matrix2Xd points(2, static_cast<Eigen::Index>(seen.size()));
+            for (std::size_t i = 0; i < seen.size(); ++i) {
+                points.col(static_cast<Eigen::Index>(i)) = landmarks.landmarks[seen[i]].point_px;
+            }
+            for (std::size_t v = 0; v < vertices.size(); ++v) {
+                const auto [nearest, distance_px] =
+                    detail::nearest_column(points, projected.col(static_cast<Eigen::Index>(v)));
+                if (distance_px <= max_distance_px) {
+                    result.matches.push_back({seen[nearest], vertices[v], distance_px});
+                }
+            }
+            continue;
+        }
+        for (const int l : seen) {
+            const auto [nearest, distance_px] = detail::nearest_column(projected, landmarks.landmarks[l].point_px);
+            if (nearest >= 0 && (!is_occluding || distance_px <= max_distance_px)) {
+                result.matches.push_back({l, vertices[nearest], distance_px});
+            }
+        }
+    }
+    return result;
+}
+
+} // namespace lineament

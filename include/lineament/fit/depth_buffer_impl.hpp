@@ -1,0 +1,91 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace lineament::detail {
+
+/// The nearest depth of a mesh over square cells of the image plane, sampled at the cells' centres.
+class DepthBuffer
+{
+public:
+    /// @param seen       3 x V: x, y and depth (larger is farther), of which only vertices of triangles are read.
+    /// @param triangles  3 x T; those that face away are drawn too, so orientation does not matter.
+    DepthBuffer(const Eigen::Matrix3Xf& seen, const Eigen::Matrix3Xi& triangles, float cell_size)
+        : inverse_cell_(1.0f / cell_size)
+    {
+        Eigen::Vector2f low = Eigen::Vector2f::Constant(std::numeric_limits<float>::infinity());
+        Eigen::Vector2f high = -low;
+        for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
+            for (int corner = 0; corner < 3; ++corner) {
+                low = low.cwiseMin(seen.col(triangles(corner, t)).head<2>());
+                high = high.cwiseMax(seen.col(triangles(corner, t)).head<2>());
+            }
+        }
+        if (!(low.x() <= high.x())) {
+            return;
+        }
+        origin_ = low;
+        // A face is some 250 mm wide; the limit keeps the buffer small whatever the shape.
+        columns_ = std::min(static_cast<int>((high.x() - low.x()) * inverse_cell_) + 1, 1024);
+        rows_ = std::min(static_cast<int>((high.y() - low.y()) * inverse_cell_) + 1, 1024);
+        depths_ = Eigen::MatrixXf::Constant(columns_, rows_, std::numeric_limits<float>::infinity());
+        for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
+            draw(to_cells(seen.col(triangles(0, t))), to_cells(seen.col(triangles(1, t))),
+                 to_cells(seen.col(triangles(2, t))));
+        }
+    }
+
+    /// Infinite where nothing was drawn.
+    [[nodiscard]] float depth_at(float x, float y) const
+    {
+        const int column = static_cast<int>(std::floor((x - origin_.x()) * inverse_cell_));
+        const int row = static_cast<int>(std::floor((y - origin_.y()) * inverse_cell_));
+        return column >= 0 && column < columns_ && row >= 0 && row < rows_ ? depths_(column, row)
+                                                                           : std::numeric_limits<float>::infinity();
+    }
+
+private:
+    [[nodiscard]] Eigen::Vector3f to_cells(const Eigen::Vector3f& seen) const
+    {
+        return {(seen.x() - origin_.x()) * inverse_cell_, (seen.y() - origin_.y()) * inverse_cell_, seen.z()};
+    }
+
+    void draw(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c)
+    {
+        const float area = (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+        if (area == 0) {
+            return;
+        }
+        const int left = std::max(static_cast<int>(std::min({a.x(), b.x(), c.x()}) + 0.5f), 0);
+        const int right = std::min(static_cast<int>(std::max({a.x(), b.x(), c.x()}) + 0.5f), columns_);
+        const int top = std::max(static_cast<int>(std::min({a.y(), b.y(), c.y()}) + 0.5f), 0);
+        const int bottom = std::min(static_cast<int>(std::max({a.y(), b.y(), c.y()}) + 0.5f), rows_);
+        const float inverse_area = 1.0f / area;
+        for (int row = top; row < bottom; ++row) {
+            for (int column = left; column < right; ++column) {
+                const float x = static_cast<float>(column) + 0.5f;
+                const float y = static_cast<float>(row) + 0.5f;
+                const float of_b = ((x - a.x()) * (c.y() - a.y()) - (y - a.y()) * (c.x() - a.x())) * inverse_area;
+                const float of_c = ((b.x() - a.x()) * (y - a.y()) - (b.y() - a.y()) * (x - a.x())) * inverse_area;
+                if (of_b >= 0 && of_c >= 0 && of_b + of_c <= 1) {
+                    const float depth = a.z() + of_b * (b.z() - a.z()) + of_c * (c.z() - a.z());
+                    depths_(column, row) = std::min(depths_(column, row), depth);
+                }
+            }
+        }
+    }
+
+    float inverse_cell_;
+    Eigen::Vector2f origin_ = Eigen::Vector2f::Zero();
+    int columns_ = 0;
+    int rows_ = 0;
+    Eigen::MatrixXf depths_ = {};
+};
+
+} // namespace lineament::detail

@@ -1,0 +1,218 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/fit/face_fitter.hpp"
+
+#include "lineament/fit/frame_fit_impl.hpp"
+
+#include <cmath>
+#include <utility>
+
+namespace lineament {
+
+inline FitOptions FitOptions::published_prior()
+{
+    FitOptions options;
+    options.noise_units = NoiseUnits::pixels;
+    options.pixel_variance = 3.0;
+    options.regularization = 30.0;
+    return options;
+}
+
+inline void FitOptions::check() const
+{
+    const auto require_positive = [](double value, const char* member) {
+        require(std::isfinite(value) && value > 0, "FitOptions", member, "a finite number > 0", to_text(value));
+    };
+    require(iterations >= 1, "FitOptions", "iterations", ">= 1", std::to_string(iterations));
+    require(std::isfinite(regularization) && regularization >= 0, "FitOptions", "regularization",
+            "a finite number >= 0", to_text(regularization));
+    require_positive(landmark_sigma_mm, "landmark_sigma_mm");
+    require_positive(contour_sigma_mm, "contour_sigma_mm");
+    require_positive(pixel_variance, "pixel_variance");
+    require_positive(contour_matching.max_distance_mm, "contour_matching.max_distance_mm");
+    require(std::isfinite(contour_matching.frontal_yaw_deg) && std::isfinite(contour_matching.hysteresis_deg) &&
+                contour_matching.hysteresis_deg >= 0,
+            "FitOptions", "contour_matching", "finite angles, hysteresis_deg >= 0",
+            to_text(contour_matching.frontal_yaw_deg) + " and " + to_text(contour_matching.hysteresis_deg));
+    require(num_shape_coefficients.value_or(0) >= 0, "FitOptions", "num_shape_coefficients", ">= 0",
+            std::to_string(num_shape_coefficients.value_or(0)));
+    require_positive(focal_length_px.value_or(1.0), "focal_length_px");
+}
+
+inline FaceFitter::FaceFitter(MorphableModel model, std::string scheme, FitOptions options)
+    : model_(std::move(model)), scheme_(std::move(scheme)), options_(std::move(options))
+{
+    options_.check();
+    const LandmarkMap* map = model_.find_landmark_map(scheme_);
+    require(map != nullptr, "FaceFitter", "scheme", "one of the model's landmark schemes", "\"" + scheme_ + "\"");
+    require(options_.expression_set.empty() || expressions() != nullptr, "FaceFitter", "options.expression_set",
+            "empty, or one of the model's expression sets", "\"" + options_.expression_set + "\"");
+    const Eigen::Index all = model_.shape.num_coefficients();
+    const Eigen::Index count = options_.num_shape_coefficients.value_or(static_cast<int>(all));
+    require(count <= all, "FaceFitter", "options.num_shape_coefficients", "at most " + std::to_string(all),
+            std::to_string(count));
+    landmark_points_ = lineament::landmark_points(model_, *map, expressions(), count);
+    if (scheme_ == "ibug68" &&
+        (options_.contour == ContourMode::front_facing || options_.contour == ContourMode::both)) {
+        contour_.emplace(model_);
+        identity_rows_ =
+            model_.shape.standard_deviations.head(count).asDiagonal() * model_.shape.basis.leftCols(count).transpose();
+        if (const Blendshapes* set = expressions()) {
+            expression_rows_ = set->offsets.transpose();
+        } else {
+            expression_rows_.resize(0, model_.shape.mean.size());
+        }
+    }
+}
+
+inline void FaceFitter::update_shape(const Eigen::VectorXd& shape_coefficients,
+                                     const Eigen::VectorXd& expression_coefficients, ContourView view,
+                                     Eigen::Matrix3Xf& shape_vertices) const
+{
+    const Eigen::VectorXf alpha = shape_coefficients.cast<float>();
+    const Eigen::VectorXf psi = expression_coefficients.cast<float>();
+    if (view == ContourView::frontal) { // only the candidates are read
+        for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
+            for (const int vertex : contour_->candidates(side)) {
+                const Eigen::Index column = 3 * static_cast<Eigen::Index>(vertex);
+                shape_vertices.col(vertex) = model_.shape.mean.segment<3>(column);
+                shape_vertices.col(vertex).noalias() += identity_rows_.middleCols<3>(column).transpose() * alpha;
+                shape_vertices.col(vertex).noalias() += expression_rows_.middleCols<3>(column).transpose() * psi;
+            }
+        }
+        return;
+    }
+    Eigen::Map<Eigen::VectorXf> stacked(shape_vertices.data(), shape_vertices.size());
+    stacked = model_.shape.mean;
+    stacked.noalias() += identity_rows_.transpose() * alpha;
+    stacked.noalias() += expression_rows_.transpose() * psi;
+}
+
+inline void FaceFitter::assign_vertex(ModelPoints& points, Eigen::Index to, int vertex) const
+{
+    const Eigen::Index column = 3 * static_cast<Eigen::Index>(vertex);
+    points.mean.col(to) = model_.shape.mean.segment<3>(column).cast<double>();
+    points.identity.middleCols<3>(3 * to) = identity_rows_.middleCols<3>(column).cast<double>();
+    points.expression.middleCols<3>(3 * to) = expression_rows_.middleCols<3>(column).cast<double>();
+}
+
+namespace detail {
+
+/// Coefficients to start from, checked.
+[[nodiscard]] inline Eigen::VectorXd start_coefficients(const FaceFitter& fitter, const FitResult* start)
+{
+    if (start == nullptr) {
+        return Eigen::VectorXd::Zero(fitter.num_shape_coefficients());
+    }
+    require_size(start->shape_coefficients.size(), fitter.num_shape_coefficients(), "FaceFitter::fit",
+                 "start->shape_coefficients");
+    require_finite(start->shape_coefficients, "FaceFitter::fit", "start->shape_coefficients");
+    return start->shape_coefficients;
+}
+
+} // namespace detail
+
+inline FitResult FaceFitter::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                                 const FitResult* start) const
+{
+    double total_us = 0;
+    FitResult result;
+    {
+        const detail::Stopwatch total(total_us);
+        Eigen::VectorXd alpha = detail::start_coefficients(*this, start);
+        detail::FrameFit frame(*this, landmarks, principal_point_px, start);
+        IdentityOptions identity_options;
+        identity_options.regularization = options_.regularization;
+        IdentityResult identity;
+        bool has_pose = frame.estimate_pose(alpha);
+        if (has_pose && start == nullptr) {
+            frame.fit_expression(alpha);
+        }
+        int iteration = 0;
+        while (has_pose && iteration < options_.iterations) {
+            ++iteration;
+            frame.match_contour(alpha);
+            has_pose = frame.estimate_pose(alpha);
+            if (has_pose) {
+                {
+                    const detail::Stopwatch stopwatch(frame.timing().identity_us);
+                    IdentitySystem system(num_shape_coefficients());
+                    frame.add_to(system, alpha);
+                    identity = system.solve(identity_options);
+                    alpha = identity.coefficients;
+                }
+                frame.fit_expression(alpha);
+            }
+        }
+        if (has_pose) {
+            frame.note(identity.status, identity.reason);
+        } else {
+            alpha.setZero();
+        }
+        result = frame.result(alpha, iteration);
+    }
+    result.timing.total_us = total_us;
+    return result;
+}
+
+inline FitResult FaceFitter::fit_pose_and_expression(const LandmarkSet& landmarks,
+                                                     const Eigen::Vector2d& principal_point_px,
+                                                     const Eigen::VectorXd& shape_coefficients,
+                                                     const FitResult* start) const
+{
+    require(shape_coefficients.size() <= num_shape_coefficients(), "FaceFitter::fit_pose_and_expression",
+            "shape_coefficients", "at most " + std::to_string(num_shape_coefficients()),
+            std::to_string(shape_coefficients.size()));
+    require_finite(shape_coefficients, "FaceFitter::fit_pose_and_expression", "shape_coefficients");
+    double total_us = 0;
+    FitResult result;
+    {
+        const detail::Stopwatch total(total_us);
+        Eigen::VectorXd alpha = Eigen::VectorXd::Zero(num_shape_coefficients());
+        alpha.head(shape_coefficients.size()) = shape_coefficients;
+        detail::FrameFit frame(*this, landmarks, principal_point_px, start);
+        bool has_pose = frame.estimate_pose(alpha);
+        int iteration = 0;
+        if (has_pose) {
+            frame.fit_expression(alpha);
+        }
+        while (has_pose && iteration < options_.iterations) {
+            ++iteration;
+            frame.match_contour(alpha);
+            has_pose = frame.estimate_pose(alpha);
+            if (has_pose) {
+                frame.fit_expression(alpha);
+            }
+        }
+        result = frame.result(alpha, iteration);
+    }
+    result.timing.total_us = total_us;
+    return result;
+}
+
+inline FitResult fit_face(const MorphableModel& model, const LandmarkSet& landmarks,
+                          const Eigen::Vector2d& principal_point_px, const FitOptions& options)
+{
+    return FaceFitter(model, landmarks.scheme, options).fit(landmarks, principal_point_px);
+}
+
+inline Eigen::VectorXf neutral_shape_of(const MorphableModel& model, const FitResult& fit)
+{
+    return model.shape.instance(fit.shape_coefficients);
+}
+
+inline Eigen::VectorXf shape_of(const MorphableModel& model, const FitResult& fit)
+{
+    Eigen::VectorXf shape = neutral_shape_of(model, fit);
+    if (!fit.expression_set.empty()) {
+        const Blendshapes* set = model.find_expression_set(fit.expression_set);
+        require(set != nullptr, "shape_of", "fit.expression_set", "one of the model's expression sets",
+                "\"" + fit.expression_set + "\"");
+        shape += set->displacement(fit.expression_coefficients);
+    }
+    return shape;
+}
+
+} // namespace lineament

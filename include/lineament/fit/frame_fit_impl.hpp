@@ -1,0 +1,292 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/fit/expression.hpp"
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/pose.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+namespace lineament::detail {
+
+/// Adds the time from its making to its end.
+class Stopwatch
+{
+public:
+    explicit Stopwatch(double& total_us) : total_us_(total_us), start_(std::chrono::steady_clock::now()) {}
+    ~Stopwatch()
+    {
+        total_us_ += std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start_).count();
+    }
+    Stopwatch(const Stopwatch&) = delete;
+    Stopwatch& operator=(const Stopwatch&) = delete;
+
+private:
+    double& total_us_;
+    std::chrono::steady_clock::time_point start_;
+};
+
+/// The fit of one image in its parts: everything but the order they run in. The identity is passed in, so that one
+/// image and a stack of images share this class.
+class FrameFit
+{
+public:
+    FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+             const FitResult* start);
+
+    /// Ties the outline landmarks to vertices for the present pose, and renews the weights.
+    void match_contour(const Eigen::VectorXd& shape_coefficients);
+
+    /// False, with status and neutral camera, if the points give no usable pose.
+    bool estimate_pose(const Eigen::VectorXd& shape_coefficients);
+
+    void add_to(IdentitySystem& system, const Eigen::VectorXd& shape_coefficients);
+    void fit_expression(const Eigen::VectorXd& shape_coefficients);
+
+    /// The result so far with these coefficients.
+    [[nodiscard]] FitResult result(const Eigen::VectorXd& shape_coefficients, int iterations) const;
+
+    /// Keeps the worse of the two statuses that leave the estimate usable.
+    void note(FitStatus status, const std::string& reason);
+
+    [[nodiscard]] FitTiming& timing() { return timing_; }
+    [[nodiscard]] const Eigen::VectorXd& expression_coefficients() const { return expression_coefficients_; }
+
+private:
+    struct Point
+    {
+        int landmark_index;
+        double sigma_mm;
+    };
+
+    void set_points(const std::vector<ContourMatch>& matches);
+    void set_weights();
+
+    const FaceFitter& fitter_;
+    const LandmarkSet& landmarks_;
+    std::vector<int> map_indices_ = {}; ///< Per landmark: its position in the map, or -1.
+    std::vector<int> fixed_ = {};       ///< Landmarks tied to their map point.
+    bool has_outline_ = false;
+    ContourView view_ = ContourView::frontal;
+    Eigen::Matrix3Xf shape_vertices_ = {};
+
+    std::vector<Point> used_ = {}; ///< One per point below.
+    ModelPoints points_ = {};
+    Eigen::Matrix2Xd image_points_ = {};
+    Eigen::VectorXd weights_ = {}; ///< [1/px^2].
+
+    FitStatus status_ = FitStatus::success;
+    std::string reason_ = {};
+    Camera camera_ = {};
+    Eigen::VectorXd expression_coefficients_ = {};
+    FitTiming timing_ = {};
+};
+
+inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks,
+                          const Eigen::Vector2d& principal_point_px, const FitResult* start)
+    : fitter_(fitter), landmarks_(landmarks)
+{
+    const char* const function = "FaceFitter::fit";
+    require_finite(principal_point_px, function, "principal_point_px");
+    require(landmarks.scheme == fitter.scheme(), function, "landmarks.scheme", fitter.scheme(), landmarks.scheme);
+    camera_.principal_point_px = principal_point_px;
+    const Blendshapes* expressions = fitter.expressions();
+    expression_coefficients_ = Eigen::VectorXd::Zero(expressions ? expressions->num_coefficients() : 0);
+    if (start != nullptr) {
+        require_size(start->expression_coefficients.size(), expression_coefficients_.size(), function,
+                     "start->expression_coefficients");
+        require_finite(start->expression_coefficients, function, "start->expression_coefficients");
+        expression_coefficients_ = start->expression_coefficients;
+    }
+    for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
+        const Landmark& landmark = landmarks.landmarks[l];
+        const std::string place = "landmark \"" + landmark.name + "\"";
+        require_finite(landmark.point_px, function, place.c_str());
+        require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
+                "0 to 1", to_text(landmark.confidence));
+        map_indices_.push_back(fitter.landmark_map().index_of(landmark.name));
+        if (map_indices_.back() < 0 || landmark.confidence == 0) {
+            continue;
+        }
+        const bool is_outline = fitter.scheme() == "ibug68" && outline_side(landmark.name).has_value();
+        if (!is_outline || fitter.options().contour == ContourMode::fixed) {
+            fixed_.push_back(static_cast<int>(l));
+        } else if (fitter.contour()) {
+            has_outline_ = true;
+        }
+    }
+    if (has_outline_) {
+        shape_vertices_.resize(3, fitter.model().num_vertices());
+    }
+    set_points({});
+    const double scale = start != nullptr ? start->camera.scale_px_per_mm : 1.0;
+    camera_.scale_px_per_mm = std::isfinite(scale) && scale > 0 ? scale : 1.0;
+    set_weights();
+}
+
+inline void FrameFit::set_points(const std::vector<ContourMatch>& matches)
+{
+    const FitOptions& options = fitter_.options();
+    const Eigen::Index num_fixed = static_cast<Eigen::Index>(fixed_.size());
+    const Eigen::Index count = num_fixed + static_cast<Eigen::Index>(matches.size());
+    if (points_.num_points() != count) {
+        points_ = ModelPoints::sized(count, fitter_.num_shape_coefficients(), expression_coefficients_.size());
+        image_points_.resize(2, count);
+        used_.clear();
+    }
+    if (used_.empty()) {
+        for (Eigen::Index i = 0; i < num_fixed; ++i) {
+            points_.assign(i, fitter_.landmark_points(), map_indices_[fixed_[i]]);
+            image_points_.col(i) = landmarks_.landmarks[fixed_[i]].point_px;
+        }
+    }
+    used_.clear();
+    for (const int landmark : fixed_) {
+        const bool is_outline =
+            fitter_.scheme() == "ibug68" && outline_side(landmarks_.landmarks[landmark].name).has_value();
+        used_.push_back({landmark, is_outline ? options.contour_sigma_mm : options.landmark_sigma_mm});
+    }
+    for (std::size_t m = 0; m < matches.size(); ++m) {
+        const Eigen::Index i = num_fixed + static_cast<Eigen::Index>(m);
+        fitter_.assign_vertex(points_, i, matches[m].vertex);
+        image_points_.col(i) = landmarks_.landmarks[matches[m].landmark_index].point_px;
+        used_.push_back({matches[m].landmark_index, options.contour_sigma_mm});
+    }
+}
+
+inline void FrameFit::set_weights()
+{
+    const FitOptions& options = fitter_.options();
+    weights_.resize(static_cast<Eigen::Index>(used_.size()));
+    for (std::size_t i = 0; i < used_.size(); ++i) {
+        const double sigma_px = camera_.scale_px_per_mm * used_[i].sigma_mm;
+        const double variance = options.noise_units == NoiseUnits::model ? sigma_px * sigma_px : options.pixel_variance;
+        weights_[static_cast<Eigen::Index>(i)] = landmarks_.landmarks[used_[i].landmark_index].confidence / variance;
+    }
+}
+
+inline void FrameFit::match_contour(const Eigen::VectorXd& shape_coefficients)
+{
+    const Stopwatch stopwatch(timing_.contour_us);
+    if (has_outline_) {
+        ContourOptions options = fitter_.options().contour_matching;
+        if (fitter_.options().contour == ContourMode::front_facing) {
+            options.occluding_match = OccludingMatch::none;
+        }
+        view_ = contour_view(angles_from_rotation(camera_.camera_from_model).yaw, view_, options);
+        const ContourView needed =
+            options.occluding_match == OccludingMatch::none ? ContourView::frontal : view_; // candidates alone
+        fitter_.update_shape(shape_coefficients, expression_coefficients_, needed, shape_vertices_);
+        set_points(
+            lineament::match_contour(*fitter_.contour(), shape_vertices_, camera_, landmarks_, view_, options).matches);
+    }
+    set_weights();
+}
+
+inline bool FrameFit::estimate_pose(const Eigen::VectorXd& shape_coefficients)
+{
+    const Stopwatch stopwatch(timing_.pose_us);
+    const Eigen::Vector2d principal_point_px = camera_.principal_point_px;
+    const Eigen::Matrix3Xd shape = points_.at(shape_coefficients, expression_coefficients_);
+    const std::optional<double> focal_length_px = fitter_.options().focal_length_px;
+    const PoseResult pose =
+        focal_length_px
+            ? estimate_pose_perspective(shape, image_points_, *focal_length_px, weights_, principal_point_px)
+            : lineament::estimate_pose(shape, image_points_, weights_, principal_point_px);
+    camera_ = pose.camera;
+    if (pose.status != FitStatus::success && pose.status != FitStatus::not_converged) {
+        status_ = pose.status;
+        reason_ = pose.reason;
+        expression_coefficients_.setZero();
+        return false;
+    }
+    note(pose.status, pose.reason);
+    return true;
+}
+
+inline void FrameFit::add_to(IdentitySystem& system, const Eigen::VectorXd& shape_coefficients)
+{
+    system.add(points_, image_points_, weights_, camera_, expression_coefficients_, shape_coefficients);
+}
+
+inline void FrameFit::fit_expression(const Eigen::VectorXd& shape_coefficients)
+{
+    const Stopwatch stopwatch(timing_.expression_us);
+    if (expression_coefficients_.size() == 0) {
+        return;
+    }
+    const ExpressionResult fitted = lineament::fit_expression(points_, image_points_, camera_, weights_,
+                                                              shape_coefficients, {}, expression_coefficients_);
+    expression_coefficients_ = fitted.coefficients;
+    note(fitted.status, fitted.reason);
+}
+
+inline void FrameFit::note(FitStatus status, const std::string& reason)
+{
+    if (status == FitStatus::success || status_ == FitStatus::implausible) {
+        return;
+    }
+    status_ = status;
+    reason_ = reason;
+}
+
+inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int iterations) const
+{
+    FitResult result;
+    result.status = status_;
+    result.reason = reason_;
+    result.camera = camera_;
+    result.shape_coefficients = shape_coefficients;
+    if (const Blendshapes* expressions = fitter_.expressions()) {
+        result.expression_set = expressions->name;
+        result.expression_names = expressions->names;
+    }
+    result.expression_coefficients = expression_coefficients_;
+    result.iterations = iterations;
+    result.timing = timing_;
+
+    const bool is_fitted = status_ != FitStatus::too_few_correspondences && status_ != FitStatus::degenerate;
+    const auto project = [&](const ModelPoints& points) {
+        const Eigen::Matrix3Xd shape = points.at(shape_coefficients, expression_coefficients_);
+        return camera_.project(Eigen::Ref<const Eigen::Matrix3Xd>(shape));
+    };
+    const Eigen::Matrix2Xd map_points = project(fitter_.landmark_points());
+    for (std::size_t l = 0; l < landmarks_.landmarks.size(); ++l) {
+        const Landmark& landmark = landmarks_.landmarks[l];
+        const Eigen::Vector2d fitted =
+            map_indices_[l] >= 0 ? Eigen::Vector2d(map_points.col(map_indices_[l])) : landmark.point_px;
+        result.landmarks.push_back({landmark.name, landmark.point_px, fitted, 0.0});
+    }
+    if (!is_fitted || used_.empty()) {
+        return result;
+    }
+    // Relative weights; of several matches of one landmark the nearest is shown.
+    const Eigen::Matrix2Xd fitted = project(points_);
+    const double largest_weight = std::max(weights_.maxCoeff(), std::numeric_limits<double>::min());
+    for (std::size_t i = 0; i < used_.size(); ++i) {
+        const Eigen::Index column = static_cast<Eigen::Index>(i);
+        FittedLandmark& landmark = result.landmarks[used_[i].landmark_index];
+        const double distance = (fitted.col(column) - image_points_.col(column)).squaredNorm();
+        result.chi_square += weights_[column] * distance;
+        if (landmark.weight == 0 || distance < (landmark.fitted_px - landmark.point_px).squaredNorm()) {
+            landmark.fitted_px = fitted.col(column);
+        }
+        landmark.weight = weights_[column] / largest_weight;
+    }
+    int num_used = 0;
+    double sum = 0;
+    for (const FittedLandmark& landmark : result.landmarks) {
+        if (landmark.weight > 0) {
+            ++num_used;
+            sum += (landmark.fitted_px - landmark.point_px).squaredNorm();
+        }
+    }
+    result.rms_px = std::sqrt(sum / num_used);
+    result.chi_square += fitter_.options().regularization * shape_coefficients.squaredNorm();
+    result.degrees_of_freedom = 2 * num_used - 6;
+    return result;
+}
+
+} // namespace lineament::detail

@@ -1,0 +1,136 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/fit/pose.hpp"
+
+#include "lineament/fit/pose_support_impl.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace lineament {
+
+namespace detail {
+
+inline constexpr double nearest_depth_mm = 150.0; ///< Of the model's origin.
+
+using PoseStep = Eigen::Matrix<double, 6, 1>; ///< Turn in camera space (3), log s, tau (2).
+
+/// The camera after a step; phi follows the scale because the focal length is fixed.
+[[nodiscard]] inline Camera apply_step(const Camera& camera, const PoseStep& step, double focal_length_px)
+{
+    Camera moved = camera;
+    const double angle = step.head<3>().norm();
+    if (angle > 0) {
+        const Eigen::Matrix3d turn = Eigen::AngleAxisd(angle, step.head<3>() / angle).toRotationMatrix();
+        moved.camera_from_model = Eigen::Quaterniond(turn * camera.camera_from_model).normalized().toRotationMatrix();
+    }
+    moved.scale_px_per_mm = camera.scale_px_per_mm * std::exp(step[3]);
+    moved.translation_mm += step.tail<2>();
+    moved.phi_per_mm = moved.scale_px_per_mm / focal_length_px;
+    return moved;
+}
+
+/// Whether every point is well before the camera and the origin not nearer than 150 mm.
+[[nodiscard]] inline bool is_in_front(const Camera& camera, const Eigen::Ref<const Eigen::Matrix3Xd>& points)
+{
+    const Eigen::RowVectorXd depths = camera.camera_from_model.row(2) * points;
+    return camera.phi_per_mm * nearest_depth_mm <= 1.0 && 1.0 + camera.phi_per_mm * depths.minCoeff() > 0.1;
+}
+
+/// d x / d (omega, log s, tau) of one point (2 x 6); the scale moves phi too: d phi / d log s = phi.
+[[nodiscard]] inline Eigen::Matrix<double, 2, 6> pose_jacobian(const Camera& camera, const Eigen::Vector3d& point)
+{
+    const Eigen::Vector3d rotated = camera.camera_from_model * point;
+    const Eigen::Vector3d in_camera = camera.in_camera(point);
+    const double inverse_depth = 1 / (1 + camera.phi_per_mm * in_camera.z());
+    const Eigen::Vector2d seen = inverse_depth * in_camera.head<2>();
+    Eigen::Matrix<double, 2, 3> by_point; // d x / d P
+    by_point.leftCols<2>() = camera.scale_px_per_mm * inverse_depth * Eigen::Matrix2d::Identity();
+    by_point.col(2) = -camera.scale_px_per_mm * inverse_depth * camera.phi_per_mm * seen;
+    Eigen::Matrix<double, 2, 6> jacobian;
+    for (int axis = 0; axis < 3; ++axis) {
+        jacobian.col(axis) = by_point * Eigen::Vector3d::Unit(axis).cross(rotated);
+    }
+    jacobian.col(3) = camera.scale_px_per_mm * inverse_depth * seen; // s p (1 - phi P_z / (1 + phi P_z))
+    jacobian.rightCols<2>() = by_point.leftCols<2>();
+    return jacobian;
+}
+
+} // namespace detail
+
+inline PoseResult estimate_pose_perspective(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                                            const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                            double focal_length_px, const Eigen::VectorXd& given_weights,
+                                            const Eigen::Vector2d& principal_point_px)
+{
+    require(std::isfinite(focal_length_px) && focal_length_px > 0, "estimate_pose_perspective", "focal_length_px",
+            "a finite number > 0", to_text(focal_length_px));
+    PoseResult result = estimate_pose(points_in_model, image_points, given_weights, principal_point_px);
+    if (result.status != FitStatus::success) {
+        return result;
+    }
+    const Eigen::Index num_points = points_in_model.cols();
+    const Eigen::VectorXd weights =
+        given_weights.size() > 0 ? given_weights : Eigen::VectorXd(Eigen::VectorXd::Ones(num_points));
+
+    // tau of the start is seen at the origin's depth, which holds under perspective too.
+    Camera camera = detail::apply_step(result.camera, detail::PoseStep::Zero(), focal_length_px);
+    if (!detail::is_in_front(camera, points_in_model)) {
+        result.status = FitStatus::implausible;
+        result.reason = "with this focal length the face would be nearer than 150 mm";
+        return result;
+    }
+    double rms = detail::weighted_rms(camera, points_in_model, image_points, weights);
+    double damping = 1e-6;
+    result.status = FitStatus::not_converged;
+    result.reason = "the perspective pose did not settle in 50 steps";
+    for (int iteration = 1; iteration <= 50; ++iteration) {
+        result.iterations = iteration;
+        Eigen::Matrix<double, 6, 6> hessian = Eigen::Matrix<double, 6, 6>::Zero();
+        detail::PoseStep gradient = detail::PoseStep::Zero();
+        for (Eigen::Index i = 0; i < num_points; ++i) {
+            if (weights[i] > 0) {
+                const Eigen::Vector3d point = points_in_model.col(i);
+                const Eigen::Matrix<double, 2, 6> jacobian = detail::pose_jacobian(camera, point);
+                hessian += weights[i] * jacobian.transpose() * jacobian;
+                gradient += weights[i] * jacobian.transpose() * (camera.project(point) - image_points.col(i));
+            }
+        }
+        hessian.diagonal() *= 1 + damping;
+        const detail::PoseStep step = -hessian.ldlt().solve(gradient);
+        const Camera moved = detail::apply_step(camera, step, focal_length_px);
+        const double moved_rms = detail::is_in_front(moved, points_in_model)
+                                     ? detail::weighted_rms(moved, points_in_model, image_points, weights)
+                                     : std::numeric_limits<double>::infinity();
+        // Motion of the points in the metric of the face: 100 mm across, so radians and log s count 100-fold.
+        const double motion_mm = std::max(100 * step.head<4>().cwiseAbs().maxCoeff(), step.tail<2>().norm());
+        const bool has_settled = motion_mm < 1e-9;
+        if (moved_rms <= rms) {
+            camera = moved;
+            rms = moved_rms;
+            damping = std::max(damping * 0.1, 1e-12);
+        } else {
+            damping *= 10;
+        }
+        if (has_settled || damping > 1e6) { // no representable step lowers the error any more
+            result.status = FitStatus::success;
+            result.reason.clear();
+            break;
+        }
+    }
+    result.camera = camera;
+    result.rms_px = rms;
+    if (-camera.camera_from_model(2, 2) < detail::min_facing_cosine) {
+        result.status = FitStatus::implausible;
+        result.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
+    }
+    return result;
+}
+
+} // namespace lineament

@@ -1,0 +1,109 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/fit/pose.hpp"
+
+#include "lineament/fit/pose_support_impl.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include <cmath>
+
+namespace lineament {
+
+namespace detail {
+
+/// The orthonormal 2 x 3 nearest to two unit rows: (N N^T)^(-1/2) N, closed form because N N^T = [1 c; c 1].
+[[nodiscard]] inline Eigen::Matrix<double, 2, 3> polar_factor(const Eigen::Matrix<double, 2, 3>& unit_rows)
+{
+    const double cosine = unit_rows.row(0).dot(unit_rows.row(1));
+    const double plus = 1 / std::sqrt(1 + cosine);
+    const double minus = 1 / std::sqrt(1 - cosine);
+    Eigen::Matrix2d inverse_root;
+    inverse_root << plus + minus, plus - minus, plus - minus, plus + minus;
+    return 0.5 * inverse_root * unit_rows;
+}
+
+} // namespace detail
+
+inline PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                                const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                const Eigen::VectorXd& given_weights, const Eigen::Vector2d& principal_point_px)
+{
+    detail::check_pairs(points_in_model, image_points, given_weights, principal_point_px, "estimate_pose");
+    const Eigen::Index num_points = points_in_model.cols();
+    const Eigen::VectorXd weights =
+        given_weights.size() > 0 ? given_weights : Eigen::VectorXd(Eigen::VectorXd::Ones(num_points));
+    PoseResult result;
+    result.camera.principal_point_px = principal_point_px;
+    const Eigen::Index num_used = (weights.array() > 0).count();
+    if (num_used < 4) {
+        result.status = FitStatus::too_few_correspondences;
+        result.reason = "a pose needs 4 points, got " + std::to_string(num_used);
+        return result;
+    }
+
+    const double total = weights.sum();
+    const Eigen::Vector3d mean_in_model = points_in_model * weights / total;
+    const Eigen::Vector2d mean_in_image = image_points * weights / total;
+    const Eigen::Matrix3Xd model_centred = points_in_model.colwise() - mean_in_model;
+    const Eigen::Matrix2Xd image_centred = image_points.colwise() - mean_in_image;
+
+    // Extents along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely.
+    const Eigen::Matrix3d moments = model_centred * weights.asDiagonal() * model_centred.transpose() / total;
+    const Eigen::Vector3d variances = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments).eigenvalues();
+    if (!(variances[0] > 1e-4 * variances[2])) {
+        const bool is_line = !(variances[1] > 1e-4 * variances[2]);
+        const bool is_point = !(variances[2] > 0);
+        result.reason = is_point  ? "the model points coincide"
+                        : is_line ? "the model points lie on a line"
+                                  : "the model points lie in a plane";
+        return result;
+    }
+
+    const Eigen::Matrix<double, 2, 3> cross = image_centred * weights.asDiagonal() * model_centred.transpose() / total;
+    Eigen::Matrix<double, 2, 3> affine = moments.ldlt().solve(cross.transpose()).transpose();
+    const Eigen::Vector2d row_scales = affine.rowwise().norm();
+    const double rounding_px = 1e-12 * (1 + image_points.cwiseAbs().maxCoeff());
+    if (!(row_scales.minCoeff() * std::sqrt(variances[2]) > rounding_px) ||
+        !(row_scales.minCoeff() > 1e-3 * row_scales.maxCoeff())) {
+        result.reason = "the image points coincide or lie on a line";
+        return result;
+    }
+    affine.row(0) /= row_scales[0];
+    affine.row(1) /= row_scales[1];
+    if (!(std::abs(affine.row(0).dot(affine.row(1))) < 1 - 1e-6)) {
+        result.reason = "the image points lie on a line";
+        return result;
+    }
+
+    Camera& camera = result.camera;
+    const Eigen::Matrix<double, 2, 3> rotation = detail::polar_factor(affine);
+    camera.camera_from_model.topRows<2>() = rotation;
+    camera.camera_from_model.row(2) = rotation.row(0).cross(rotation.row(1));
+    const Eigen::Matrix2Xd rotated = rotation * model_centred;
+    const double correlation = (rotated.cwiseProduct(image_centred) * weights).sum();
+    camera.scale_px_per_mm = correlation / (rotated.cwiseAbs2() * weights).sum();
+    if (!(camera.scale_px_per_mm > 0)) {
+        result.camera = Camera{};
+        result.camera.principal_point_px = principal_point_px;
+        result.reason = "no positive scale fits the points";
+        return result;
+    }
+    const Eigen::Vector2d translation_px = mean_in_image - camera.scale_px_per_mm * rotation * mean_in_model;
+    camera.translation_mm = (translation_px - principal_point_px) / camera.scale_px_per_mm;
+    result.rms_px = detail::weighted_rms(camera, points_in_model, image_points, weights);
+
+    // H_33 = -R_33 is the cosine between the face's forward axis and the direction to the camera.
+    if (-camera.camera_from_model(2, 2) < detail::min_facing_cosine) {
+        result.status = FitStatus::implausible;
+        result.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
+        return result;
+    }
+    result.status = FitStatus::success;
+    return result;
+}
+
+} // namespace lineament

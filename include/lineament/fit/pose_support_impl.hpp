@@ -1,0 +1,48 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/camera/camera.hpp"
+#include "lineament/core/checks.hpp"
+
+#include <Eigen/Core>
+
+#include <cmath>
+#include <string>
+
+namespace lineament::detail {
+
+/// Below this cosine of the viewing direction with the face's own, the face looks away by more than 100 degrees.
+inline constexpr double min_facing_cosine = -0.17;
+
+/// @throws InvalidArgument if pairs and weights are not of one size, finite and non-negative.
+inline void check_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                        const Eigen::Ref<const Eigen::Matrix2Xd>& image_points, const Eigen::VectorXd& weights,
+                        const Eigen::Vector2d& principal_point_px, const char* function)
+{
+    require_size(image_points.cols(), points_in_model.cols(), function, "image_points");
+    require(weights.size() == 0 || weights.size() == points_in_model.cols(), function, "weights",
+            "size 0 or " + std::to_string(points_in_model.cols()), std::to_string(weights.size()));
+    require_finite(points_in_model, function, "points_in_model");
+    require_finite(image_points, function, "image_points");
+    require_finite(weights, function, "weights");
+    require_finite(principal_point_px, function, "principal_point_px");
+    if (weights.size() > 0) {
+        require(weights.minCoeff() >= 0, function, "weights", ">= 0", to_text(weights.minCoeff()));
+    }
+}
+
+[[nodiscard]] inline double weighted_rms(const Camera& camera, const Eigen::Ref<const Eigen::Matrix3Xd>& points,
+                                         const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                         const Eigen::VectorXd& weights)
+{
+    double sum = 0;
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+        if (weights[i] > 0) {
+            sum += weights[i] * (camera.project(Eigen::Vector3d(points.col(i))) - image_points.col(i)).squaredNorm();
+        }
+    }
+    return std::sqrt(sum / weights.sum());
+}
+
+} // namespace lineament::detail
