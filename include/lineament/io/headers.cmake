@@ -1,5 +1,10 @@
 set(headers
     file.hpp
+    fit_file.hpp
+    glb_file.hpp
+    landmark_file.hpp
+    mesh_file.hpp
     model_file.hpp
     safetensors.hpp
+    track_file.hpp
 )
