@@ -4,6 +4,10 @@ set(headers
     rasterizer.hpp
     shading.hpp
     shading_impl.hpp
+    texture.hpp
+    texture_completion.hpp
+    texture_fusion.hpp
+    texture_layout.hpp
     triangle_coverage.hpp
     visibility.hpp
 )

@@ -131,6 +131,30 @@ inline Eigen::Vector4f premultiplied(const Eigen::Vector3f& light, float alpha)
     return {alpha * light.x(), alpha * light.y(), alpha * light.z(), alpha};
 }
 
+/// Linear, premultiplied RGBA of a texture (RGB or RGBA) at a point in texels, bilinear with the border repeated.
+inline Eigen::Vector4f sample_texture(const ImageU8& texture, float x, float y)
+{
+    const float u = std::clamp(x - 0.5f, 0.0f, static_cast<float>(texture.width - 1));
+    const float v = std::clamp(y - 0.5f, 0.0f, static_cast<float>(texture.height - 1));
+    const int column = static_cast<int>(u);
+    const int row = static_cast<int>(v);
+    const float right = u - static_cast<float>(column);
+    const float below = v - static_cast<float>(row);
+    Eigen::Vector4f sum = Eigen::Vector4f::Zero();
+    for (int j = 0; j < 2; ++j) {
+        for (int i = 0; i < 2; ++i) {
+            const std::uint8_t* const texel =
+                texture.pixel(std::min(column + i, texture.width - 1), std::min(row + j, texture.height - 1));
+            const float share = (i == 0 ? 1.0f - right : right) * (j == 0 ? 1.0f - below : below);
+            const float alpha = texture.channels == 4 ? static_cast<float>(texel[3]) / 255.0f : 1.0f;
+            sum += share * premultiplied({linear_from_srgb_u8(texel[0]), linear_from_srgb_u8(texel[1]),
+                                          linear_from_srgb_u8(texel[2])},
+                                         alpha);
+        }
+    }
+    return sum;
+}
+
 /// Linear, premultiplied RGBA of a mesh at output resolution (4 channels).
 class MeshPainter
 {
@@ -236,12 +260,8 @@ private:
             const Eigen::Vector2f at = weights[0] * uv(0) + weights[1] * uv(1) + weights[2] * uv(2);
             const float x = at.x() * static_cast<float>(texture_->width);
             const float y = at.y() * static_cast<float>(texture_->height);
-            const float alpha = texture_->channels == 4 ? sample_bilinear(*texture_, x, y, 3) / 255.0f : 1.0f;
-            Eigen::Vector3f color;
-            for (int channel = 0; channel < 3; ++channel) {
-                color[channel] = linear_from_srgb(sample_bilinear(*texture_, x, y, channel) / 255.0f);
-            }
-            return alpha * color + (1.0f - alpha) * linear_rgb(options_.clay);
+            const Eigen::Vector4f seen = sample_texture(*texture_, x, y);
+            return seen.head<3>() + (1.0f - seen[3]) * linear_rgb(options_.clay);
         }
         if (has_colors_) {
             return weights[0] * linear_colors_.col(mesh_.triangles(0, triangle)) +

@@ -1,0 +1,291 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/core/image.hpp"
+#include "lineament/render/texture_layout.hpp"
+#include "lineament/render/visibility.hpp"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+
+namespace lineament {
+
+/// A picture pulled into uv space. Texels that are not seen are holes: weight 0, and a state that says why.
+struct TextureMap
+{
+    ImageU8 color = {};                  ///< size x size, RGB; meaningless where the weight is 0.
+    ImageF weight = {};                  ///< size x size, in [0, 1]: how well the texel is seen.
+    Image<std::uint8_t> visibility = {}; ///< size x size, values of Visibility.
+};
+
+struct TextureOptions
+{
+    double depth_tolerance_mm = 1.5; ///< As VisibilityOptions; a fit's surface is coarser than its texture.
+    /// Texels that near to the outline of the mesh, or to a step in its depth, get weight 0: what lies beside them
+    /// would bleed in. Pixels of the picture as it is sampled, 0 to 64; 0: keep all.
+    double outline_margin_px = 1.5;
+
+    void check() const; ///< @throws InvalidArgument naming the member and the value.
+};
+
+/// The texture of a posed mesh from one picture:
+///
+///   color(texel)  = picture at x, bilinear and rounded,    x the projection of the texel's surface point
+///   weight(texel) = max(0, -n . v) min(1, density)         for texels that are seen clear of outlines, else 0
+///
+/// with n the unit normal interpolated from the vertices, v the unit ray from the camera to the point, and density the
+/// picture's pixels per texel if the surface faced the camera: (s / (1 + phi P_z))^2 times the triangle's area in mm^2
+/// over its area in texels^2. A picture much finer than the map is halved first, so that nothing aliases.
+///
+/// @param layout    Of the mesh's uv; the same number of triangles.
+/// @param vertices  3 x V, mm, model space, with expression and identity applied.
+/// @param picture   Grey, RGB or RGBA; may be empty (then every texel is outside).
+/// @throws InvalidArgument as `rasterize`, on triangles that do not fit the layout, or bad options.
+/// @par Cost  O(texels + T + pixels of the face). Thread-safe.
+[[nodiscard]] TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matrix3Xf& vertices,
+                                         const Eigen::Matrix3Xi& triangles, const Camera& camera,
+                                         const ImageU8& picture, const TextureOptions& options = {});
+
+enum class HoleMark
+{
+    checkered,   ///< RGB, holes in a grey checker pattern.
+    transparent, ///< RGBA, holes with alpha 0.
+};
+
+/// The map's colours with its holes (weight 0) marked, for people (checkered) or for rendering over clay (transparent).
+[[nodiscard]] ImageU8 mark_holes(const TextureMap& map, HoleMark mark = HoleMark::checkered);
+
+namespace detail {
+
+/// Half the size by averaging 2 x 2 pixels (border repeated), so that point x of the picture is x / 2 of the result.
+inline ImageU8 halved(const ImageU8& picture)
+{
+    ImageU8 half((picture.width + 1) / 2, (picture.height + 1) / 2, picture.channels);
+    for (int row = 0; row < half.height; ++row) {
+        const int next_row = std::min(2 * row + 1, picture.height - 1);
+        for (int column = 0; column < half.width; ++column) {
+            const int next_column = std::min(2 * column + 1, picture.width - 1);
+            for (int channel = 0; channel < picture.channels; ++channel) {
+                const int sum = picture.at(2 * column, 2 * row, channel) + picture.at(next_column, 2 * row, channel) +
+                                picture.at(2 * column, next_row, channel) + picture.at(next_column, next_row, channel);
+                half.at(column, row, channel) = static_cast<std::uint8_t>((sum + 2) / 4);
+            }
+        }
+    }
+    return half;
+}
+
+/// The part of a picture in which a mesh is seen, as a camera of its own: x_part = zoom (x - origin).
+struct PictureWindow
+{
+    Eigen::Vector2d origin = Eigen::Vector2d::Zero();
+    double zoom = 1.0;
+    int width = 0;
+    int height = 0;
+
+    [[nodiscard]] Camera camera(const Camera& of_picture) const
+    {
+        Camera part = of_picture;
+        part.scale_px_per_mm *= zoom;
+        part.principal_point_px = zoom * (of_picture.principal_point_px - origin);
+        return part;
+    }
+};
+
+/// The window around the vertices, no longer than 1024 px: the depth test needs no finer image.
+inline PictureWindow window_around(const Eigen::Matrix3Xf& vertices, const Camera& camera, int width, int height)
+{
+    constexpr double longest_px = 1024.0;
+    Eigen::Vector2d low(width, height);
+    Eigen::Vector2d high = Eigen::Vector2d::Zero();
+    for (Eigen::Index v = 0; v < vertices.cols(); ++v) {
+        const Eigen::Vector3d point = camera.in_camera(vertices.col(v).cast<double>());
+        const double range = 1.0 + camera.phi_per_mm * point.z();
+        if (range > 0) {
+            const Eigen::Vector2d point_px =
+                camera.principal_point_px + (camera.scale_px_per_mm / range) * point.head<2>();
+            low = low.cwiseMin(point_px);
+            high = high.cwiseMax(point_px);
+        }
+    }
+    PictureWindow window;
+    constexpr double border_px = 2.0; // so that the outline lies inside
+    window.origin = (low.array() - border_px).max(0.0).floor();
+    const Eigen::Vector2d end = (high.array() + border_px).min(Eigen::Array2d(width, height));
+    const Eigen::Vector2d extent = end - window.origin;
+    if (!(extent.minCoeff() > 0)) {
+        return window; // nothing of the mesh lies in the picture
+    }
+    window.zoom = std::min(1.0, longest_px / extent.maxCoeff());
+    window.width = static_cast<int>(std::ceil(window.zoom * extent.x()));
+    window.height = static_cast<int>(std::ceil(window.zoom * extent.y()));
+    return window;
+}
+
+/// 1 for pixels within a radius of the mesh's outline, or of a step in depth steeper than a face turned away by 85 deg.
+inline Image<std::uint8_t> outline_mask(const ImageF& depth, double mm_per_px, double radius_px)
+{
+    Image<std::uint8_t> mask(depth.width, depth.height, 1);
+    if (!(radius_px > 0)) {
+        return mask;
+    }
+    const auto largest_step = static_cast<float>(std::max(6.0, 11.4 * mm_per_px));
+    const int reach = static_cast<int>(std::ceil(radius_px));
+    const auto mark_around = [&](int column, int row) {
+        for (int j = std::max(0, row - reach); j <= std::min(depth.height - 1, row + reach); ++j) {
+            for (int i = std::max(0, column - reach); i <= std::min(depth.width - 1, column + reach); ++i) {
+                if ((i - column) * (i - column) + (j - row) * (j - row) <= radius_px * radius_px) {
+                    mask.at(i, j) = 1;
+                }
+            }
+        }
+    };
+    const auto is_step = [&](float a, float b) { // inf - inf is not a number, and no step
+        return std::abs(a - b) > largest_step;
+    };
+    for (int row = 0; row < depth.height; ++row) {
+        for (int column = 0; column < depth.width; ++column) {
+            const float here = depth.at(column, row);
+            const bool is_step_right = column + 1 < depth.width && is_step(here, depth.at(column + 1, row));
+            const bool is_step_down = row + 1 < depth.height && is_step(here, depth.at(column, row + 1));
+            if (is_step_right || is_step_down) {
+                mark_around(column, row);
+            }
+            if (is_step_right) {
+                mark_around(column + 1, row);
+            }
+            if (is_step_down) {
+                mark_around(column, row + 1);
+            }
+        }
+    }
+    return mask;
+}
+
+} // namespace detail
+
+inline void TextureOptions::check() const
+{
+    const char* const function = "TextureOptions";
+    require(depth_tolerance_mm >= 0, function, "depth_tolerance_mm", "a number >= 0", to_text(depth_tolerance_mm));
+    require(outline_margin_px >= 0 && outline_margin_px <= 64, function, "outline_margin_px", "a number in [0, 64]",
+            to_text(outline_margin_px));
+}
+
+inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matrix3Xf& vertices,
+                                  const Eigen::Matrix3Xi& triangles, const Camera& camera, const ImageU8& picture,
+                                  const TextureOptions& options)
+{
+    const char* const function = "extract_texture";
+    options.check();
+    detail::require_scene(vertices, triangles, camera, picture.width, picture.height, function);
+    require_size(triangles.cols(), layout.num_triangles(), function, "triangles");
+    require(picture.empty() || picture.channels == 1 || picture.channels == 3 || picture.channels == 4, function,
+            "picture", "1, 3 or 4 channels", std::to_string(picture.channels));
+
+    const int size = layout.size();
+    TextureMap map{ImageU8(size, size, 3), ImageF(size, size, 1),
+                   Image<std::uint8_t>(size, size, 1, static_cast<std::uint8_t>(Visibility::unmapped))};
+
+    const detail::PictureWindow window = detail::window_around(vertices, camera, picture.width, picture.height);
+    const Camera window_camera = window.camera(camera);
+    const DepthTest depth_test(vertices, triangles, window_camera, window.width, window.height,
+                               {.depth_tolerance_mm = options.depth_tolerance_mm});
+
+    Eigen::Matrix3Xd points(3, vertices.cols()); // in camera space
+    for (Eigen::Index v = 0; v < vertices.cols(); ++v) {
+        points.col(v) = camera.in_camera(vertices.col(v).cast<double>());
+    }
+    const Eigen::Matrix3Xd normals =
+        camera.camera_from_model * compute_vertex_normals(vertices, triangles).cast<double>();
+
+    // Pixels per texel under s alone.
+    Eigen::VectorXd densities = Eigen::VectorXd::Zero(triangles.cols());
+    double pixel_area = 0.0;
+    const double scale2 = camera.scale_px_per_mm * camera.scale_px_per_mm;
+    for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
+        const Eigen::Vector3d a = points.col(triangles(0, t));
+        const double area_mm2 = 0.5 * (points.col(triangles(1, t)) - a).cross(points.col(triangles(2, t)) - a).norm();
+        if (layout.texel_areas()[t] > 0) {
+            densities[t] = scale2 * area_mm2 / layout.texel_areas()[t];
+            pixel_area += scale2 * area_mm2;
+        }
+    }
+
+    ImageU8 reduced;
+    const ImageU8* source = &picture;
+    double reduction = 1.0;
+    constexpr double finest_density = 4.0;
+    for (double density = pixel_area / std::max(1.0, static_cast<double>(layout.texel_areas().sum()));
+         density > finest_density && source->width > 1 && source->height > 1; density /= 4.0) {
+        reduced = detail::halved(*source);
+        source = &reduced;
+        reduction *= 0.5;
+    }
+    const Image<std::uint8_t> outline = detail::outline_mask(depth_test.depth(), 1.0 / window_camera.scale_px_per_mm,
+                                                             options.outline_margin_px * window.zoom / reduction);
+
+    for (const Texel& texel : layout.texels()) {
+        const int a = triangles(0, texel.triangle);
+        const int b = triangles(1, texel.triangle);
+        const int c = triangles(2, texel.triangle);
+        const double weight_b = texel.weight_b;
+        const double weight_c = texel.weight_c;
+        const double weight_a = 1.0 - weight_b - weight_c;
+        const Eigen::Vector3d point = weight_a * points.col(a) + weight_b * points.col(b) + weight_c * points.col(c);
+        const Eigen::Vector3d normal =
+            (weight_a * normals.col(a) + weight_b * normals.col(b) + weight_c * normals.col(c)).normalized();
+        Visibility visibility = depth_test(point, normal);
+        const double range = 1.0 + camera.phi_per_mm * point.z();
+        const Eigen::Vector2d picture_point_px =
+            camera.principal_point_px + (camera.scale_px_per_mm / range) * point.head<2>();
+        if (visibility == Visibility::visible && // the window may reach a fraction of its pixel beyond the picture
+            !(picture_point_px.x() < picture.width && picture_point_px.y() < picture.height)) {
+            visibility = Visibility::outside_image;
+        }
+        map.visibility.data[texel.index] = static_cast<std::uint8_t>(visibility);
+        if (visibility != Visibility::visible) {
+            continue;
+        }
+        const Eigen::Vector2d window_point_px = window.zoom * (picture_point_px - window.origin);
+        const bool is_near_outline =
+            outline.at(std::clamp(static_cast<int>(window_point_px.x()), 0, outline.width - 1),
+                       std::clamp(static_cast<int>(window_point_px.y()), 0, outline.height - 1)) != 0;
+        const Eigen::Vector2d point_px = reduction * picture_point_px;
+        for (int channel = 0; channel < 3; ++channel) {
+            const float value = sample_bilinear(*source, static_cast<float>(point_px.x()),
+                                                static_cast<float>(point_px.y()), source->channels == 1 ? 0 : channel);
+            map.color.data[3 * static_cast<std::size_t>(texel.index) + channel] =
+                static_cast<std::uint8_t>(std::lround(value));
+        }
+        const double facing = -normal.dot(view_ray(camera, point).normalized());
+        const double density = densities[texel.triangle] / (range * range);
+        map.weight.data[texel.index] = is_near_outline ? 0.0f : static_cast<float>(facing * std::min(1.0, density));
+    }
+    return map;
+}
+
+inline ImageU8 mark_holes(const TextureMap& map, HoleMark mark)
+{
+    const bool is_checkered = mark == HoleMark::checkered;
+    ImageU8 marked(map.color.width, map.color.height, is_checkered ? 3 : 4);
+    const int field = std::max(2, map.color.width / 64);
+    for (int row = 0; row < marked.height; ++row) {
+        for (int column = 0; column < marked.width; ++column) {
+            const bool is_hole = !(map.weight.at(column, row) > 0);
+            const std::uint8_t checker = (column / field + row / field) % 2 == 0 ? 208 : 184;
+            for (int channel = 0; channel < 3; ++channel) {
+                marked.at(column, row, channel) =
+                    is_hole ? (is_checkered ? checker : std::uint8_t{0}) : map.color.at(column, row, channel);
+            }
+            if (!is_checkered) {
+                marked.at(column, row, 3) = is_hole ? 0 : 255;
+            }
+        }
+    }
+    return marked;
+}
+
+} // namespace lineament

@@ -1,0 +1,180 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/render/texture.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+namespace lineament {
+
+/// Where a texel of a completed texture comes from.
+enum class TexelOrigin : std::uint8_t
+{
+    seen = 0,
+    mirrored = 1, ///< From the other side of the face, its colour shifted to join smoothly.
+    diffused = 2, ///< Spread from the texels around; no detail of its own.
+};
+
+enum class Mirroring
+{
+    none,
+    flip_u, ///< The layout is symmetric: texel (u, v) has the partner (1 - u, v).
+};
+
+struct CompletionOptions
+{
+    Mirroring mirroring = Mirroring::flip_u;
+    double min_weight = 0.1; ///< Texels seen worse than this are replaced too; in [0, 1]. 0: only holes.
+
+    void check() const; ///< @throws InvalidArgument naming the member and the value.
+};
+
+/// A texture without holes, and the mask that says which texels are guesses.
+struct CompletedTexture
+{
+    ImageU8 color = {};              ///< RGB.
+    Image<std::uint8_t> origin = {}; ///< Values of TexelOrigin.
+};
+
+/// The texture with every texel filled: seen texels unchanged, then the mirrored side, then diffusion, which also runs
+/// into the unmapped texels so that no seam shows when the map is sampled between texels. A map in which nothing is
+/// seen becomes mid-grey.
+/// @throws InvalidArgument if the images of the map differ in size, or on bad options.
+[[nodiscard]] CompletedTexture complete_texture(const TextureMap& map, const CompletionOptions& options = {});
+
+/// Fills values (any number of channels) where the weight is 0 by diffusion from where it is not: averaged into
+/// coarser and coarser images until no hole is left, then interpolated back. Values with weight >= 1 are unchanged;
+/// without any weight everything becomes 0.
+/// @par Reference  Pull-push: Gortler et al., The Lumigraph, SIGGRAPH 1996.
+[[nodiscard]] ImageF diffuse(const ImageF& values, const ImageF& weights);
+
+inline void CompletionOptions::check() const
+{
+    require(min_weight >= 0 && min_weight <= 1, "CompletionOptions", "min_weight", "a number in [0, 1]",
+            to_text(min_weight));
+}
+
+inline ImageF diffuse(const ImageF& values, const ImageF& weights)
+{
+    require(values.width == weights.width && values.height == weights.height && weights.channels == 1, "diffuse",
+            "weights", "one channel of the size of values",
+            std::to_string(weights.width) + " x " + std::to_string(weights.height));
+    ImageF filled = values;
+    const bool is_coarsest = values.width <= 1 && values.height <= 1;
+    ImageF coarse;
+    if (!is_coarsest) {
+        ImageF coarse_values((values.width + 1) / 2, (values.height + 1) / 2, values.channels);
+        ImageF coarse_weights(coarse_values.width, coarse_values.height, 1);
+        for (int row = 0; row < values.height; ++row) {
+            for (int column = 0; column < values.width; ++column) {
+                const float weight = std::clamp(weights.at(column, row), 0.0f, 1.0f);
+                coarse_weights.at(column / 2, row / 2) += weight;
+                for (int channel = 0; channel < values.channels && weight > 0; ++channel) {
+                    coarse_values.at(column / 2, row / 2, channel) += weight * values.at(column, row, channel);
+                }
+            }
+        }
+        for (int row = 0; row < coarse_values.height; ++row) {
+            for (int column = 0; column < coarse_values.width; ++column) {
+                float& weight = coarse_weights.at(column, row);
+                for (int channel = 0; channel < values.channels && weight > 0; ++channel) {
+                    coarse_values.at(column, row, channel) /= weight;
+                }
+                weight = std::min(weight, 1.0f);
+            }
+        }
+        coarse = diffuse(coarse_values, coarse_weights);
+    }
+    for (int row = 0; row < values.height; ++row) {
+        for (int column = 0; column < values.width; ++column) {
+            const float weight = std::clamp(weights.at(column, row), 0.0f, 1.0f);
+            for (int channel = 0; channel < values.channels && weight < 1; ++channel) {
+                const float own = weight > 0 ? weight * values.at(column, row, channel) : 0.0f;
+                const float spread = is_coarsest ? (weight > 0 ? values.at(column, row, channel) : 0.0f)
+                                                 : sample_bilinear(coarse, 0.5f * (static_cast<float>(column) + 0.5f),
+                                                                   0.5f * (static_cast<float>(row) + 0.5f), channel);
+                filled.at(column, row, channel) = own + (1.0f - weight) * spread;
+            }
+        }
+    }
+    return filled;
+}
+
+inline CompletedTexture complete_texture(const TextureMap& map, const CompletionOptions& options)
+{
+    const char* const function = "complete_texture";
+    options.check();
+    const int width = map.color.width;
+    const int height = map.color.height;
+    require(map.color.channels == 3 || map.color.empty(), function, "map.color", "3 channels",
+            std::to_string(map.color.channels));
+    require(map.weight.width == width && map.weight.height == height, function, "map.weight",
+            std::to_string(width) + " x " + std::to_string(height),
+            std::to_string(map.weight.width) + " x " + std::to_string(map.weight.height));
+    CompletedTexture completed{map.color, Image<std::uint8_t>(width, height, 1)};
+    const auto min_weight = static_cast<float>(options.min_weight);
+    const auto is_seen = [&](int column, int row) {
+        const float weight = map.weight.at(column, row);
+        return weight > 0 && weight >= min_weight;
+    };
+
+    ImageF colors(width, height, 3);     // what is known so far
+    ImageF known(width, height, 1);      // 1 where it is
+    ImageF difference(width, height, 3); // seen minus its mirrored partner, where both are seen
+    ImageF comparable(width, height, 1);
+    for (int row = 0; row < height; ++row) {
+        for (int column = 0; column < width; ++column) {
+            if (!is_seen(column, row)) {
+                continue;
+            }
+            known.at(column, row) = 1.0f;
+            const bool has_partner = is_seen(width - 1 - column, row);
+            comparable.at(column, row) = has_partner ? 1.0f : 0.0f;
+            for (int channel = 0; channel < 3; ++channel) {
+                const auto value = static_cast<float>(map.color.at(column, row, channel));
+                colors.at(column, row, channel) = value;
+                if (has_partner) {
+                    difference.at(column, row, channel) =
+                        value - static_cast<float>(map.color.at(width - 1 - column, row, channel));
+                }
+            }
+        }
+    }
+    if (options.mirroring == Mirroring::flip_u) {
+        const ImageF shift = diffuse(difference, comparable);
+        for (int row = 0; row < height; ++row) {
+            for (int column = 0; column < width; ++column) {
+                if (is_seen(column, row) || !is_seen(width - 1 - column, row)) {
+                    continue;
+                }
+                known.at(column, row) = 1.0f;
+                completed.origin.at(column, row) = static_cast<std::uint8_t>(TexelOrigin::mirrored);
+                for (int channel = 0; channel < 3; ++channel) {
+                    colors.at(column, row, channel) =
+                        std::clamp(static_cast<float>(map.color.at(width - 1 - column, row, channel)) +
+                                       shift.at(column, row, channel),
+                                   0.0f, 255.0f);
+                }
+            }
+        }
+    }
+    const bool is_anything_known = std::any_of(known.data.begin(), known.data.end(), [](float k) { return k > 0; });
+    const ImageF filled = is_anything_known ? diffuse(colors, known) : ImageF(width, height, 3, 128.0f);
+    for (int row = 0; row < height; ++row) {
+        for (int column = 0; column < width; ++column) {
+            if (!(known.at(column, row) > 0)) {
+                completed.origin.at(column, row) = static_cast<std::uint8_t>(TexelOrigin::diffused);
+            }
+            for (int channel = 0; channel < 3 && !is_seen(column, row); ++channel) {
+                completed.color.at(column, row, channel) =
+                    static_cast<std::uint8_t>(std::lround(filled.at(column, row, channel)));
+            }
+        }
+    }
+    return completed;
+}
+
+} // namespace lineament

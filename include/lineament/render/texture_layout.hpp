@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/core/image.hpp"
+#include "lineament/core/mesh.hpp"
+#include "lineament/render/checks.hpp"
+#include "lineament/render/triangle_coverage.hpp"
+
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+namespace lineament {
+
+/// A texel whose centre lies in a triangle of the uv layout.
+struct Texel
+{
+    int index = 0;         ///< row * size + column.
+    int triangle = 0;      ///< Of the mesh.
+    float weight_b = 0.0f; ///< Barycentric weight of the triangle's second corner,
+    float weight_c = 0.0f; ///< and of its third; the first has the rest.
+};
+
+/// Which point of the surface each texel of a square map shows; fixed by the model's uv and made once.
+///
+/// Where uv triangles overlap, the first keeps the texel. Triangles of excluded groups are left unmapped, for example
+/// "mouth_interior", which in a photo is rarely what the model says.
+class TextureLayout
+{
+public:
+    TextureLayout() = default;
+
+    /// @param mesh             Its uv_coordinates, uv_triangles and triangle groups are read; nothing else.
+    /// @param size             Texels per side, 1 to 8192.
+    /// @param excluded_groups  Names of triangle groups; names the mesh does not have are ignored.
+    /// @throws InvalidArgument on a bad size, uv that are not finite, an index out of range, or no uv triangles at all.
+    TextureLayout(const Mesh& mesh, int size, const std::vector<std::string>& excluded_groups = {});
+
+    [[nodiscard]] int size() const { return size_; }
+    [[nodiscard]] int num_triangles() const { return static_cast<int>(texel_areas_.size()); }
+    /// The mapped texels, triangle by triangle.
+    [[nodiscard]] const std::vector<Texel>& texels() const { return texels_; }
+    /// Area of each triangle in the map [texel^2].
+    [[nodiscard]] const Eigen::VectorXf& texel_areas() const { return texel_areas_; }
+
+private:
+    int size_ = 0;
+    std::vector<Texel> texels_ = {};
+    Eigen::VectorXf texel_areas_ = {};
+};
+
+inline TextureLayout::TextureLayout(const Mesh& mesh, int size, const std::vector<std::string>& excluded_groups)
+    : size_(size)
+{
+    const char* const function = "TextureLayout";
+    constexpr int max_size = 8192;
+    require(size >= 1 && size <= max_size, function, "size", "1 to " + std::to_string(max_size), std::to_string(size));
+    require(mesh.uv_triangles.cols() > 0, function, "mesh.uv_triangles", "at least one triangle", "none");
+    require_finite(mesh.uv_coordinates, function, "mesh.uv_coordinates");
+    require_triangles(mesh.uv_triangles, mesh.uv_coordinates.cols(), function, "mesh.uv_triangles");
+    const Eigen::Index num_triangles = mesh.uv_triangles.cols();
+    const bool has_groups = mesh.triangle_groups.size() > 0 && !excluded_groups.empty();
+    if (has_groups) {
+        require_size(mesh.triangle_groups.size(), num_triangles, function, "mesh.triangle_groups");
+    }
+    const auto is_excluded = [&](Eigen::Index triangle) {
+        if (!has_groups) {
+            return false;
+        }
+        const int group = mesh.triangle_groups[triangle];
+        return group >= 0 && group < static_cast<int>(mesh.group_names.size()) &&
+               std::find(excluded_groups.begin(), excluded_groups.end(), mesh.group_names[group]) !=
+                   excluded_groups.end();
+    };
+
+    texel_areas_ = Eigen::VectorXf::Zero(num_triangles);
+    std::vector<bool> is_taken(static_cast<std::size_t>(size) * size, false);
+    for (Eigen::Index t = 0; t < num_triangles; ++t) {
+        Eigen::Vector2d corners[3];
+        bool is_drawable = !is_excluded(t);
+        for (int i = 0; i < 3; ++i) {
+            corners[i] = size * mesh.uv_coordinates.col(mesh.uv_triangles(i, t)).cast<double>();
+            is_drawable = is_drawable && GridPoint::holds(corners[i]);
+        }
+        if (!is_drawable) {
+            continue;
+        }
+        const Eigen::Vector2d ab = corners[1] - corners[0];
+        const Eigen::Vector2d ac = corners[2] - corners[0];
+        texel_areas_[t] = static_cast<float>(0.5 * std::abs(ab.x() * ac.y() - ab.y() * ac.x()));
+        for_each_covered_pixel(GridPoint::nearest(corners[0]), GridPoint::nearest(corners[1]),
+                               GridPoint::nearest(corners[2]), size, size,
+                               [&](int column, int row, double weight_b, double weight_c) {
+                                   const int index = row * size + column;
+                                   if (!is_taken[index]) {
+                                       is_taken[index] = true;
+                                       texels_.push_back({index, static_cast<int>(t), static_cast<float>(weight_b),
+                                                          static_cast<float>(weight_c)});
+                                   }
+                               });
+    }
+}
+
+} // namespace lineament
