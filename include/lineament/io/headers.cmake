@@ -4,6 +4,7 @@ set(headers
     glb_file.hpp
     landmark_file.hpp
     mesh_file.hpp
+    image_file.hpp
     model_file.hpp
     safetensors.hpp
     track_file.hpp
