@@ -3,6 +3,7 @@
 //
 // How many annotated faces the detector finds and how far its landmarks lie from the annotation.
 //   detector_bench DATA     DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/video/*.mp4
+// Times of detection and following are processor times, those of decoding are wall times on all cores.
 #include "lineament/vision/face_detector.hpp"
 #include "lineament/vision/video.hpp"
 
@@ -10,7 +11,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -61,10 +64,81 @@ double error_percent(const LandmarkSet& found, const Points& truth, int first)
     return 100.0 * sum / ((68 - first) * (truth[36] - truth[45]).norm());
 }
 
-double median(std::vector<double> values)
+double quantile(std::vector<double> values, double part)
 {
     std::sort(values.begin(), values.end());
-    return values.empty() ? 0.0 : values[values.size() / 2];
+    return values.empty() ? 0.0 : values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)];
+}
+
+double median(const std::vector<double>& values)
+{
+    return quantile(values, 0.5);
+}
+
+/// Processor time of this thread: does not count what other programs and the decoder's threads take.
+double thread_ms()
+{
+    timespec time = {};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    return 1000.0 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+}
+
+/// What the constants of box_of and of the confidence rest on.
+struct Calibration
+{
+    std::vector<double> side_per_spread;   ///< Side of the detector's box over the rms distance of 18 ... 68.
+    std::vector<double> centre_x_per_side; ///< Centre of the box less centroid of 18 ... 68, in sides.
+    std::vector<double> centre_y_per_side;
+    std::vector<double> confidence;  ///< Of annotated faces that were found.
+    std::vector<double> beside_kept; ///< 1 if `follow`, started beside the face, believes to have one; else 0.
+
+    void add(FaceDetector& detector, const ImageU8& picture, const std::vector<DetectedFace>& faces,
+             const DetectedFace& face);
+    void print() const;
+};
+
+void Calibration::add(FaceDetector& detector, const ImageU8& picture, const std::vector<DetectedFace>& faces,
+                      const DetectedFace& face)
+{
+    Eigen::Matrix<double, 2, 51> points;
+    for (int i = 0; i < 51; ++i) {
+        points.col(i) = face.landmarks.landmarks[17 + i].point_px;
+    }
+    const Eigen::Vector2d centroid = points.rowwise().mean();
+    const FaceBox& box = face.box;
+    side_per_spread.push_back(box.width / std::sqrt((points.colwise() - centroid).squaredNorm() / 51.0));
+    centre_x_per_side.push_back((box.left + 0.5 * box.width - centroid.x()) / box.width);
+    centre_y_per_side.push_back((box.top + 0.5 * box.height - centroid.y()) / box.width);
+    confidence.push_back(face.confidence);
+    for (const double shift : {-2.0 * box.width, 2.0 * box.width}) {
+        const double left = box.left + shift;
+        const bool free = std::none_of(faces.begin(), faces.end(), [&](const DetectedFace& other) {
+            return std::abs(other.box.left - left) < 1.5 * box.width &&
+                   std::abs(other.box.top - box.top) < 1.5 * box.width;
+        });
+        if (free && left > 0.0 && left + box.width < picture.width) {
+            LandmarkSet beside = face.landmarks;
+            for (Landmark& landmark : beside.landmarks) {
+                landmark.point_px.x() += shift;
+            }
+            beside_kept.push_back(detector.follow(picture, beside) ? 1.0 : 0.0);
+        }
+    }
+}
+
+void Calibration::print() const
+{
+    const auto row = [](const char* name, const std::vector<double>& values) {
+        std::printf("%-38s %4zu %8.3f %8.3f %8.3f\n", name, values.size(), quantile(values, 0.1), median(values),
+                    quantile(values, 0.9));
+    };
+    std::printf("\ncalibration                             num     10 %%     50 %%     90 %%\n");
+    row("box side / rms distance", side_per_spread);
+    row("(box centre - centroid) / side, x", centre_x_per_side);
+    row("(box centre - centroid) / side, y", centre_y_per_side);
+    row("confidence on faces", confidence);
+    std::printf("started two box widths beside a face   %4zu, kept %.0f\n", beside_kept.size(),
+                std::count(beside_kept.begin(), beside_kept.end(), 1.0) * 1.0);
 }
 
 double milliseconds_since(std::chrono::steady_clock::time_point start)
@@ -86,7 +160,7 @@ fs::path picture_of(const fs::path& annotation)
     return {};
 }
 
-void measure_set(FaceDetector& detector, const fs::path& folder)
+void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& calibration)
 {
     std::map<fs::path, std::vector<Points>> faces_of;
     for (const auto& entry : fs::directory_iterator(folder)) {
@@ -106,9 +180,9 @@ void measure_set(FaceDetector& detector, const fs::path& folder)
     std::vector<double> times_ms;
     for (const auto& [path, truths] : faces_of) {
         const ImageU8 picture = load_picture(path);
-        const auto start = std::chrono::steady_clock::now();
+        const double start_ms = thread_ms();
         const std::vector<DetectedFace> faces = detector.detect(picture);
-        times_ms.push_back(milliseconds_since(start));
+        times_ms.push_back(thread_ms() - start_ms);
         unannotated += static_cast<int>(faces.size());
         for (const Points& truth : truths) {
             ++annotated;
@@ -119,6 +193,7 @@ void measure_set(FaceDetector& detector, const fs::path& folder)
                 inner.push_back(error(*best));
                 all.push_back(error_percent(best->landmarks, truth, 0));
                 --unannotated;
+                calibration.add(detector, picture, faces, *best);
             }
         }
     }
@@ -136,7 +211,7 @@ void measure_video(FaceDetector& detector, const fs::path& path)
     std::vector<double> follow_ms;
     std::optional<DetectedFace> face;
     while (true) {
-        auto start = std::chrono::steady_clock::now();
+        const auto start = std::chrono::steady_clock::now();
         const std::optional<VideoFrame> frame = reader.next();
         decode_ms += milliseconds_since(start);
         if (!frame) {
@@ -144,9 +219,9 @@ void measure_video(FaceDetector& detector, const fs::path& path)
         }
         ++frames;
         if (face) {
-            start = std::chrono::steady_clock::now();
+            const double start_ms = thread_ms();
             face = detector.follow(frame->picture, face->landmarks);
-            follow_ms.push_back(milliseconds_since(start));
+            follow_ms.push_back(thread_ms() - start_ms);
             followed += face ? 1 : 0;
         }
         if (!face && frames % 5 == 1) {
@@ -173,9 +248,11 @@ int main(int count, char** arguments)
         const fs::path data = arguments[1];
         FaceDetector detector;
         std::printf("set                annotated  found other_faces inner51_%%  all68_%% ms/photo   (medians)\n");
+        Calibration calibration;
         for (const char* set : {"helen_test", "helen_train", "afw", "lfpw_same_person", "aflw2000"}) {
-            measure_set(detector, data / "images" / set);
+            measure_set(detector, data / "images" / set, calibration);
         }
+        calibration.print();
         std::printf("\nvideo                            frames followed detections decode_fps follow_ms\n");
         for (const auto& entry : fs::directory_iterator(data / "video")) {
             measure_video(detector, entry.path());

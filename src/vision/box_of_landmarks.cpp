@@ -8,7 +8,7 @@
 namespace lineament {
 namespace {
 
-// Medians over the detections in annotated photos (bench/detector_bench --calibrate): the side of the detector's box
+// Medians over the detections in annotated photos (bench/detector_bench): the side of the detector's box
 // in units of the landmarks' spread, and its centre relative to their centroid in units of its side.
 constexpr double side_per_spread = 3.41;
 constexpr double centre_y_per_side = 0.005;
