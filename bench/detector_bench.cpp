@@ -4,10 +4,10 @@
 // How many annotated faces the detector finds and how far its landmarks lie from the annotation.
 //   detector_bench DATA     DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/video/*.mp4
 // Times of detection and following are processor times, those of decoding are wall times on all cores.
+#include "lineament/io/image_file.hpp"
+#include "lineament/io/landmark_file.hpp"
 #include "lineament/vision/face_detector.hpp"
 #include "lineament/vision/video.hpp"
-
-#include <dlib/image_io.h>
 
 #include <algorithm>
 #include <chrono>
@@ -15,9 +15,7 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <map>
-#include <sstream>
 
 namespace {
 
@@ -25,31 +23,16 @@ using namespace lineament;
 namespace fs = std::filesystem;
 using Points = std::vector<Eigen::Vector2d>;
 
-ImageU8 load_picture(const fs::path& path)
+/// The 68 annotated points; iBUG counts pixels from 1, the reannotated AFLW2000 points from 0.
+Points load_points(const fs::path& path)
 {
-    dlib::array2d<dlib::rgb_pixel> stored;
-    dlib::load_image(stored, path.string());
-    ImageU8 picture(static_cast<int>(stored.nc()), static_cast<int>(stored.nr()), 3);
-    for (int row = 0; row < picture.height; ++row) {
-        for (int column = 0; column < picture.width; ++column) {
-            const dlib::rgb_pixel& from = stored[row][column];
-            std::uint8_t* to = picture.pixel(column, row);
-            to[0] = from.red, to[1] = from.green, to[2] = from.blue;
-        }
-    }
-    return picture;
-}
-
-/// The lines of two numbers; with or without the .pts header.
-Points load_points(const fs::path& path, double offset)
-{
-    std::ifstream file(path);
+    const bool from_zero = path.stem().string().find("reannotated") != std::string::npos;
+    const LandmarkFile file =
+        load_landmarks(path.string(), {.pts_origin = from_zero ? PtsOrigin::zero_based : PtsOrigin::one_based,
+                                       .pts_header = PtsHeader::optional});
     Points points;
-    for (std::string line; std::getline(file, line);) {
-        std::istringstream text(line);
-        if (double x = 0, y = 0; text >> x >> y) {
-            points.emplace_back(x + offset, y + offset);
-        }
+    for (const Landmark& landmark : file.frames.front().set.landmarks) {
+        points.push_back(landmark.point_px);
     }
     return points;
 }
@@ -137,8 +120,8 @@ void Calibration::print() const
     row("(box centre - centroid) / side, x", centre_x_per_side);
     row("(box centre - centroid) / side, y", centre_y_per_side);
     row("confidence on faces", confidence);
-    std::printf("started two box widths beside a face   %4zu, kept %.0f\n", beside_kept.size(),
-                std::count(beside_kept.begin(), beside_kept.end(), 1.0) * 1.0);
+    std::printf("started two box widths beside a face   %4zu, kept %td\n", beside_kept.size(),
+                std::count(beside_kept.begin(), beside_kept.end(), 1.0));
 }
 
 double milliseconds_since(std::chrono::steady_clock::time_point start)
@@ -165,9 +148,7 @@ void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& ca
     std::map<fs::path, std::vector<Points>> faces_of;
     for (const auto& entry : fs::directory_iterator(folder)) {
         if (entry.path().extension() == ".pts") {
-            // iBUG counts pixels from 1; the reannotated AFLW2000 points from 0.
-            const bool from_zero = entry.path().stem().string().find("reannotated") != std::string::npos;
-            const Points points = load_points(entry.path(), from_zero ? 0.5 : -0.5);
+            const Points points = load_points(entry.path());
             if (points.size() == 68 && !picture_of(entry.path()).empty()) {
                 faces_of[picture_of(entry.path())].push_back(points);
             }
@@ -179,7 +160,7 @@ void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& ca
     std::vector<double> all;
     std::vector<double> times_ms;
     for (const auto& [path, truths] : faces_of) {
-        const ImageU8 picture = load_picture(path);
+        const ImageU8 picture = load_image(path);
         const double start_ms = thread_ms();
         const std::vector<DetectedFace> faces = detector.detect(picture);
         times_ms.push_back(thread_ms() - start_ms);

@@ -129,8 +129,8 @@ struct Estimate
     double disagreement = 0.0; ///< Rms distance of the single answers from their mean, in sides of the box.
 };
 
-/// On faces the answers lie 0.003 of the box side apart (median; 0.015 at 90 %), elsewhere 0.07 (0.05 at 1 %):
-/// docs/vision.md.
+/// Thresholds between faces, where the answers lie about 0.003 of the box side apart, and other places, where they
+/// follow their boxes and lie about 0.07 apart. How well they separate: bench/detector_bench, docs/vision.md.
 double confidence_of(double disagreement)
 {
     return std::clamp((0.05 - disagreement) / (0.05 - 0.01), 0.0, 1.0);

@@ -4,9 +4,13 @@
 
 #include "lineament/core/error.hpp"
 #include "lineament/core/random.hpp"
+#include "lineament/io/image_file.hpp"
+#include "lineament/io/landmark_file.hpp"
 #include "lineament/vision/video.hpp"
 #include "support/matchers.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 
 namespace lineament {
@@ -169,6 +173,101 @@ TEST(FaceDetector, FollowingLosesTheFaceWhenTheSceneChanges)
         ++asked;
     }
     EXPECT_GE(lost, 0.95 * asked);
+}
+
+/// Whether every point is finite and at most half the picture's size outside of it.
+bool is_sound(const LandmarkSet& set, const ImageU8& picture)
+{
+    const Eigen::Vector2d size(picture.width, picture.height);
+    return set.landmarks.size() == 68 &&
+           std::all_of(set.landmarks.begin(), set.landmarks.end(), [&](const auto& point) {
+               const Eigen::Array2d part = point.point_px.cwiseQuotient(size).array();
+               return part.isFinite().all() && part.minCoeff() > -0.5 && part.maxCoeff() < 1.5;
+           });
+}
+
+TEST(FaceDetector, FindsAnnotatedFacesNearTheirAnnotation)
+{
+    REQUIRE_LANDMARK_MODEL();
+    LINEAMENT_REQUIRE_REAL_DATA("images/helen_test");
+    std::vector<double> errors;
+    int num_photos = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(test::real_data_folder() / "images/helen_test")) {
+        if (entry.path().extension() != ".pts") {
+            continue;
+        }
+        std::filesystem::path photo = entry.path();
+        const ImageU8 picture = load_image(photo.replace_extension(".jpg"));
+        const LandmarkSet truth =
+            load_landmarks(entry.path().string(), {.pts_header = PtsHeader::optional}).frames.front().set;
+        double smallest = 1.0;
+        for (const DetectedFace& face : detector().detect(picture)) {
+            EXPECT_TRUE(is_sound(face.landmarks, picture)) << photo;
+            smallest = std::min(smallest, inner_difference(truth, face.landmarks));
+        }
+        if (smallest < 0.35) {
+            errors.push_back(smallest);
+        }
+        ++num_photos;
+    }
+    EXPECT_GE(static_cast<double>(errors.size()), 0.95 * num_photos);
+    std::sort(errors.begin(), errors.end());
+    ASSERT_FALSE(errors.empty());
+    EXPECT_LE(errors[errors.size() / 2], 0.03); // measured: 0.018, docs/vision.md
+}
+
+TEST(FaceDetector, EverySingleFacePhotoHasAFace)
+{
+    REQUIRE_LANDMARK_MODEL();
+    LINEAMENT_REQUIRE_REAL_DATA("images/lfpw_same_person");
+    int num_photos = 0;
+    for (const char* folder : {"images/lfpw_same_person", "images/aflw2000"}) {
+        for (const auto& entry : std::filesystem::directory_iterator(test::real_data_folder() / folder)) {
+            if (entry.path().extension() == ".jpg" || entry.path().extension() == ".png") {
+                const ImageU8 picture = load_image(entry.path());
+                const std::vector<DetectedFace> faces = detector().detect(picture);
+                EXPECT_FALSE(faces.empty()) << entry.path();
+                for (const DetectedFace& face : faces) {
+                    EXPECT_TRUE(is_sound(face.landmarks, picture)) << entry.path();
+                }
+                ++num_photos;
+            }
+        }
+    }
+    EXPECT_GT(num_photos, 0);
+}
+
+TEST(FaceDetector, SeveralFacesComeLargestFirst)
+{
+    REQUIRE_LANDMARK_MODEL();
+    LINEAMENT_REQUIRE_REAL_DATA("images/face_recognition/two_people.jpg");
+    const ImageU8 picture = load_image(test::real_data_folder() / "images/face_recognition/two_people.jpg");
+    const std::vector<DetectedFace> faces = detector().detect(picture);
+    ASSERT_EQ(faces.size(), 2u);
+    EXPECT_GE(faces[0].box.width * faces[0].box.height, faces[1].box.width * faces[1].box.height);
+}
+
+TEST(FaceDetector, SmallAndLargeCopiesOfAPhotoGiveTheSameFace)
+{
+    REQUIRE_LANDMARK_MODEL();
+    LINEAMENT_REQUIRE_REAL_DATA("images/face_recognition/obama.jpg");
+    const ImageU8 picture = load_image(test::real_data_folder() / "images/face_recognition/obama.jpg");
+    const std::vector<DetectedFace> faces = detector().detect(picture);
+    ASSERT_EQ(faces.size(), 1u);
+    // A copy enlarged three times by repeating pixels is above the search limit given; the points scale exactly.
+    ImageU8 large(3 * picture.width, 3 * picture.height, 3);
+    for (int row = 0; row < large.height; ++row) {
+        for (int column = 0; column < large.width; ++column) {
+            std::copy_n(picture.pixel(column / 3, row / 3), 3, large.pixel(column, row));
+        }
+    }
+    const std::vector<DetectedFace> found = detector().detect(large, {.max_search_pixels = 1'000'000});
+    ASSERT_EQ(found.size(), 1u);
+    LandmarkSet scaled = found[0].landmarks;
+    for (Landmark& landmark : scaled.landmarks) {
+        landmark.point_px /= 3.0;
+    }
+    EXPECT_LE(inner_difference(faces[0].landmarks, scaled), 0.02);
 }
 
 } // namespace
