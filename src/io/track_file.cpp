@@ -21,7 +21,7 @@ void append_cell(std::string& line, const std::optional<double>& value)
 {
     line += ',';
     if (value && std::isfinite(*value)) {
-        detail::append_number(line, *value);
+        detail::append_number(line, *value + 0.0); // no negative zero
     }
 }
 
