@@ -1,6 +1,10 @@
 set(headers
     checks.hpp
     color.hpp
+    contact_sheet.hpp
+    draw.hpp
+    draw_impl.hpp
+    font.hpp
     rasterizer.hpp
     shading.hpp
     shading_impl.hpp
