@@ -1,0 +1,252 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/face_fitter.hpp"
+
+#include "support/matchers.hpp"
+#include "support/synthetic_face.hpp"
+
+#include <algorithm>
+
+namespace lineament {
+namespace {
+
+using test::IsNear;
+using ::testing::Not;
+
+const MorphableModel& model()
+{
+    static const MorphableModel face = test::make_synthetic_face();
+    return face;
+}
+
+struct Planted
+{
+    Eigen::VectorXd alpha;
+    Eigen::VectorXd psi;
+    Camera camera;
+    LandmarkSet landmarks;
+};
+
+Planted plant(Random& random, double noise_px, double max_yaw_deg = 30)
+{
+    Planted planted;
+    planted.alpha = 0.5 * test::random_normal(random, model().shape.num_coefficients());
+    planted.psi = test::random_uniform(random, model().expression_sets[0].num_coefficients(), 0.0, 0.6);
+    planted.camera = test::random_camera(random, max_yaw_deg);
+    planted.landmarks =
+        test::project_landmarks(model(), "ibug68", planted.alpha, planted.psi, planted.camera, noise_px, random);
+    return planted;
+}
+
+FitOptions fixed_points()
+{
+    FitOptions options;
+    options.contour = ContourMode::fixed;
+    return options;
+}
+
+TEST(FaceFitter, RecoversThePlantedFaceWithoutNoise)
+{
+    Random random(31);
+    FitOptions options = fixed_points();
+    options.regularization = 1e-9;
+    options.iterations = 3000; // alternating steps converge linearly
+    for (int trial = 0; trial < 3; ++trial) {
+        const Planted planted = plant(random, 0.0);
+        const FitResult fit = fit_face(model(), planted.landmarks, planted.camera.principal_point_px, options);
+        ASSERT_EQ(fit.status, FitStatus::success) << fit.reason;
+        EXPECT_LE(fit.rms_px, 0.02);
+        const Eigen::VectorXf truth =
+            model().shape.instance(planted.alpha) + model().expression_sets[0].displacement(planted.psi);
+        // Scale and depth trade against shape along shallow directions, so the shape is nearer than the start, not
+        // exact.
+        EXPECT_LT((shape_of(model(), fit) - truth).norm(), 0.5f * (model().shape.mean - truth).norm());
+    }
+}
+
+TEST(FaceFitter, GivesTheSameBitsAsFitFace)
+{
+    Random random(32);
+    for (const ContourMode mode : {ContourMode::fixed, ContourMode::front_facing, ContourMode::both}) {
+        FitOptions options;
+        options.contour = mode;
+        const FaceFitter fitter(model(), "ibug68", options);
+        for (int trial = 0; trial < 5; ++trial) {
+            const Planted planted = plant(random, 1.0, 60);
+            const Eigen::Vector2d centre = planted.camera.principal_point_px;
+            const FitResult once = fit_face(model(), planted.landmarks, centre, options);
+            const FitResult kept = fitter.fit(planted.landmarks, centre);
+            EXPECT_EQ(once.shape_coefficients, kept.shape_coefficients);
+            EXPECT_EQ(once.expression_coefficients, kept.expression_coefficients);
+            EXPECT_EQ(once.camera.camera_from_model, kept.camera.camera_from_model);
+            EXPECT_EQ(once.rms_px, kept.rms_px);
+        }
+    }
+}
+
+TEST(FaceFitter, FitsNoisyLandmarksToTheirNoise)
+{
+    Random random(33);
+    double sum = 0;
+    for (int trial = 0; trial < 20; ++trial) {
+        const Planted planted = plant(random, 1.0);
+        const FitResult fit = fit_face(model(), planted.landmarks, planted.camera.principal_point_px);
+        ASSERT_EQ(fit.status, FitStatus::success) << fit.reason;
+        sum += fit.rms_px;
+    }
+    EXPECT_LT(sum / 20, 2.5); // sqrt(2) px of noise and what the prior holds back
+}
+
+TEST(FaceFitter, AnswerDoesNotDependOnImageResolution)
+{
+    Random random(34);
+    const Planted planted = plant(random, 1.0);
+    const FaceFitter fitter(model());
+    const FitResult base = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
+    for (const double factor : {0.25, 0.5, 2.0, 4.0}) {
+        LandmarkSet scaled = planted.landmarks;
+        for (Landmark& landmark : scaled.landmarks) {
+            landmark.point_px *= factor;
+        }
+        const FitResult fit = fitter.fit(scaled, factor * planted.camera.principal_point_px);
+        EXPECT_THAT(fit.shape_coefficients, IsNear(base.shape_coefficients, 1e-6));
+        EXPECT_THAT(fit.expression_coefficients, IsNear(base.expression_coefficients, 1e-6));
+        EXPECT_NEAR(fit.camera.scale_px_per_mm, factor * base.camera.scale_px_per_mm, 1e-6 * factor);
+        EXPECT_NEAR(fit.chi_square, base.chi_square, 1e-6 * base.chi_square);
+    }
+    // The twin: stated in pixels it does depend on it.
+    const FaceFitter published(model(), "ibug68", FitOptions::published_prior());
+    LandmarkSet scaled = planted.landmarks;
+    for (Landmark& landmark : scaled.landmarks) {
+        landmark.point_px *= 4;
+    }
+    EXPECT_THAT(
+        published.fit(scaled, 4 * planted.camera.principal_point_px).shape_coefficients,
+        Not(IsNear(published.fit(planted.landmarks, planted.camera.principal_point_px).shape_coefficients, 1e-2)));
+}
+
+TEST(FaceFitter, OrderOfLandmarksDoesNotMatter)
+{
+    Random random(35);
+    const Planted planted = plant(random, 1.0);
+    const FaceFitter fitter(model());
+    LandmarkSet reversed = planted.landmarks;
+    std::reverse(reversed.landmarks.begin(), reversed.landmarks.end());
+    const FitResult a = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
+    const FitResult b = fitter.fit(reversed, planted.camera.principal_point_px);
+    EXPECT_THAT(a.shape_coefficients, IsNear(b.shape_coefficients, 1e-6));
+}
+
+TEST(FaceFitter, UnknownAndUnseenLandmarksGetWeightZeroAndChangeNothing)
+{
+    Random random(36);
+    const Planted planted = plant(random, 1.0);
+    const FaceFitter fitter(model());
+    const FitResult base = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
+    LandmarkSet more = planted.landmarks;
+    more.landmarks.push_back({"antenna", {1, 2}, 1.0});
+    more.landmarks.push_back({"31", {1, 2}, 0.0});
+    const FitResult fit = fitter.fit(more, planted.camera.principal_point_px);
+    ASSERT_EQ(fit.landmarks.size(), more.landmarks.size());
+    EXPECT_EQ(fit.landmarks[68].weight, 0.0);
+    EXPECT_EQ(fit.landmarks[69].weight, 0.0);
+    EXPECT_EQ(fit.landmarks[30].weight, 1.0);
+    EXPECT_EQ(fit.shape_coefficients, base.shape_coefficients);
+    EXPECT_EQ(fit.rms_px, base.rms_px);
+}
+
+TEST(FaceFitter, LandmarksWithoutAnAnswerGiveAStatusAndANeutralFace)
+{
+    Random random(37);
+    const Planted planted = plant(random, 0.0);
+    const FaceFitter fitter(model());
+    const auto expect = [&](const LandmarkSet& landmarks, FitStatus status) {
+        const FitResult fit = fitter.fit(landmarks, Eigen::Vector2d(320, 240));
+        EXPECT_EQ(fit.status, status) << fit.reason;
+        EXPECT_FALSE(fit.reason.empty());
+        EXPECT_TRUE(fit.shape_coefficients.isZero(0));
+        EXPECT_TRUE(fit.expression_coefficients.isZero(0));
+        EXPECT_EQ(fit.shape_coefficients.size(), model().shape.num_coefficients());
+        EXPECT_TRUE(fit.camera.camera_from_model.allFinite());
+        EXPECT_TRUE(std::isfinite(fit.rms_px) && std::isfinite(fit.chi_square));
+    };
+    LandmarkSet set = planted.landmarks;
+    set.landmarks.resize(0);
+    expect(set, FitStatus::too_few_correspondences);
+    set.landmarks.assign(planted.landmarks.landmarks.begin() + 30, planted.landmarks.landmarks.begin() + 33);
+    expect(set, FitStatus::too_few_correspondences);
+    set = planted.landmarks;
+    for (Landmark& landmark : set.landmarks) {
+        landmark.point_px = {100, 100};
+    }
+    expect(set, FitStatus::degenerate);
+    set = planted.landmarks;
+    for (Landmark& landmark : set.landmarks) {
+        landmark.point_px.y() = 100;
+    }
+    expect(set, FitStatus::degenerate);
+    set = planted.landmarks;
+    for (Landmark& landmark : set.landmarks) {
+        landmark.point_px.x() = 640 - landmark.point_px.x(); // mirrored without renaming
+    }
+    expect(set, FitStatus::implausible);
+}
+
+TEST(FaceFitter, BrokenInputThrowsNamingTheLandmark)
+{
+    Random random(38);
+    Planted planted = plant(random, 0.0);
+    const FaceFitter fitter(model());
+    const Eigen::Vector2d centre(320, 240);
+    LandmarkSet set = planted.landmarks;
+    set.landmarks[40].point_px.y() = std::nan("");
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)fitter.fit(set, centre); }, "landmark \"41\"", "nan"));
+    set = planted.landmarks;
+    set.landmarks[5].confidence = 1.5;
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)fitter.fit(set, centre); }, "landmark \"6\".confidence"));
+    set = planted.landmarks;
+    set.scheme = "other";
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)fitter.fit(set, centre); }, "scheme", "ibug68", "other"));
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(model(), "other"); }, "scheme"));
+    FitOptions options;
+    options.expression_set = "none-such";
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(model(), "ibug68", options); }, "none-such"));
+    options = {};
+    options.iterations = 0;
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { options.check(); }, "iterations"));
+    options = {};
+    options.num_shape_coefficients = 99;
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(model(), "ibug68", options); }, "at most 12"));
+}
+
+TEST(FaceFitter, FixedIdentityIsLeftAlone)
+{
+    Random random(39);
+    const Planted planted = plant(random, 0.5);
+    const FaceFitter fitter(model(), "ibug68", fixed_points());
+    const FitResult fit =
+        fitter.fit_pose_and_expression(planted.landmarks, planted.camera.principal_point_px, planted.alpha);
+    EXPECT_EQ(fit.shape_coefficients, planted.alpha);
+    EXPECT_EQ(fit.status, FitStatus::success);
+    EXPECT_NEAR(fit.camera.scale_px_per_mm, planted.camera.scale_px_per_mm, 0.02);
+}
+
+TEST(FaceFitter, WarmStartContinuesWhereTheFitBeforeEnded)
+{
+    Random random(40);
+    const Planted planted = plant(random, 1.0);
+    FitOptions options = fixed_points();
+    options.iterations = 1;
+    const FaceFitter one(model(), "ibug68", options);
+    options.iterations = 60;
+    const FaceFitter many(model(), "ibug68", options);
+    const Eigen::Vector2d centre = planted.camera.principal_point_px;
+    const FitResult settled = many.fit(planted.landmarks, centre);
+    const FitResult cold = one.fit(planted.landmarks, centre);
+    const FitResult warm = one.fit(planted.landmarks, centre, &settled);
+    EXPECT_LT((warm.shape_coefficients - settled.shape_coefficients).norm(),
+              0.2 * (cold.shape_coefficients - settled.shape_coefficients).norm());
+}
+
+} // namespace
+} // namespace lineament

@@ -1,0 +1,271 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/affine_camera.hpp"
+#include "lineament/fit/pose.hpp"
+
+#include "support/matchers.hpp"
+#include "support/synthetic_face.hpp"
+
+#include <Eigen/SVD>
+
+namespace lineament {
+namespace {
+
+using test::IsNear;
+using ::testing::Not;
+
+/// Points spread like a face, some 150 mm wide.
+Eigen::Matrix3Xd random_points(Random& random, int count)
+{
+    Eigen::Matrix3Xd points(3, count);
+    for (int i = 0; i < count; ++i) {
+        points.col(i) = Eigen::Vector3d(random.uniform(-75, 75), random.uniform(-100, 100), random.uniform(-20, 80));
+    }
+    return points;
+}
+
+Eigen::Matrix2Xd project(const Camera& camera, const Eigen::Matrix3Xd& points)
+{
+    return camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(points));
+}
+
+Eigen::Matrix2Xd add_noise(Eigen::Matrix2Xd points, double sigma, Random& random)
+{
+    for (Eigen::Index i = 0; i < points.size(); ++i) {
+        points(i) += sigma * random.normal();
+    }
+    return points;
+}
+
+TEST(EstimatePose, RecoversThePlantedCameraExactly)
+{
+    Random random(11);
+    for (int trial = 0; trial < 100; ++trial) {
+        const Camera truth = test::random_camera(random, 80);
+        const Eigen::Matrix3Xd points = random_points(random, 4 + random.index(60));
+        const PoseResult pose = estimate_pose(points, project(truth, points), {}, truth.principal_point_px);
+        ASSERT_EQ(pose.status, FitStatus::success) << pose.reason;
+        EXPECT_THAT(pose.camera.camera_from_model, IsNear(truth.camera_from_model, 1e-8));
+        EXPECT_NEAR(pose.camera.scale_px_per_mm, truth.scale_px_per_mm, 1e-8);
+        EXPECT_THAT(pose.camera.translation_mm, IsNear(truth.translation_mm, 1e-6));
+        EXPECT_LE(pose.rms_px, 1e-7);
+    }
+}
+
+TEST(EstimatePose, ReturnsAProperRotation)
+{
+    Random random(12);
+    for (int trial = 0; trial < 50; ++trial) {
+        const Camera truth = test::random_camera(random);
+        const Eigen::Matrix3Xd points = random_points(random, 20);
+        const PoseResult pose = estimate_pose(points, add_noise(project(truth, points), 5, random));
+        EXPECT_THAT(pose.camera.camera_from_model * pose.camera.camera_from_model.transpose(),
+                    IsNear(Eigen::Matrix3d::Identity(), 1e-12));
+        EXPECT_NEAR(pose.camera.camera_from_model.determinant(), 1.0, 1e-12);
+    }
+}
+
+TEST(EstimatePose, RotationIsThePolarFactorOfTheUnitAffineRows)
+{
+    Random random(13);
+    const Camera truth = test::random_camera(random);
+    const Eigen::Matrix3Xd points = random_points(random, 20);
+    const Eigen::Matrix2Xd seen = add_noise(project(truth, points), 5, random);
+    Eigen::Matrix<double, 2, 3> rows = estimate_affine_camera(points, seen).image_from_model.leftCols<3>();
+    rows.rowwise().normalize();
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(rows, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    EXPECT_THAT(estimate_pose(points, seen).camera.camera_from_model.topRows<2>(),
+                IsNear(Eigen::MatrixXd(svd.matrixU() * svd.matrixV().transpose()), 1e-10));
+}
+
+TEST(EstimatePose, ScaleAndTranslationAreTheBestForItsRotation)
+{
+    Random random(14);
+    const Camera truth = test::random_camera(random);
+    const Eigen::Matrix3Xd points = random_points(random, 30);
+    const Eigen::Matrix2Xd seen = add_noise(project(truth, points), 4, random);
+    const PoseResult pose = estimate_pose(points, seen);
+    const auto error = [&](double scale, const Eigen::Vector2d& translation_px) {
+        const Eigen::Matrix2Xd residuals =
+            ((scale * pose.camera.camera_from_model.topRows<2>() * points).colwise() + translation_px) - seen;
+        return residuals.squaredNorm();
+    };
+    const double least = error(pose.camera.scale_px_per_mm, pose.camera.image_translation_px());
+    for (const double step : {-1e-3, 1e-3}) {
+        EXPECT_GT(error(pose.camera.scale_px_per_mm + step, pose.camera.image_translation_px()), least);
+        for (int axis = 0; axis < 2; ++axis) {
+            EXPECT_GT(error(pose.camera.scale_px_per_mm,
+                            pose.camera.image_translation_px() + step * Eigen::Vector2d::Unit(axis)),
+                      least);
+        }
+    }
+}
+
+TEST(EstimatePose, RepeatedPointCountsLikeDoubleWeight)
+{
+    Random random(15);
+    const Camera truth = test::random_camera(random);
+    const Eigen::Matrix3Xd points = random_points(random, 12);
+    const Eigen::Matrix2Xd seen = add_noise(project(truth, points), 4, random);
+    Eigen::Matrix3Xd points_twice(3, 13);
+    Eigen::Matrix2Xd seen_twice(2, 13);
+    points_twice << points, points.col(3);
+    seen_twice << seen, seen.col(3);
+    Eigen::VectorXd weights = Eigen::VectorXd::Ones(12);
+    weights[3] = 2;
+    const Camera repeated = estimate_pose(points_twice, seen_twice).camera;
+    const Camera weighted = estimate_pose(points, seen, weights).camera;
+    EXPECT_THAT(repeated.camera_from_model, IsNear(weighted.camera_from_model, 1e-12));
+    EXPECT_NEAR(repeated.scale_px_per_mm, weighted.scale_px_per_mm, 1e-12);
+    EXPECT_THAT(estimate_pose(points, seen).camera.camera_from_model,
+                Not(IsNear(weighted.camera_from_model, 1e-6))); // the twin: weight matters
+}
+
+TEST(EstimatePose, MirroredFaceGivesTheMirroredPose)
+{
+    Random random(16);
+    const Camera truth = test::random_camera(random);
+    const Eigen::Matrix3Xd points = random_points(random, 12);
+    const Eigen::Matrix2Xd seen = add_noise(project(truth, points), 3, random);
+    const Eigen::Matrix3Xd mirrored_points = Eigen::Vector3d(-1, 1, 1).asDiagonal() * points;
+    const Eigen::Matrix2Xd mirrored_seen = Eigen::Vector2d(-1, 1).asDiagonal() * seen;
+    const HeadAngles angles = angles_from_rotation(estimate_pose(points, seen).camera.camera_from_model);
+    const HeadAngles mirrored =
+        angles_from_rotation(estimate_pose(mirrored_points, mirrored_seen).camera.camera_from_model);
+    EXPECT_NEAR(mirrored.yaw, -angles.yaw, 1e-10);
+    EXPECT_NEAR(mirrored.pitch, angles.pitch, 1e-10);
+    EXPECT_NEAR(mirrored.roll, -angles.roll, 1e-10);
+}
+
+TEST(EstimatePose, DegeneratePointsGetTheirStatusAndANeutralCamera)
+{
+    Random random(17);
+    const Camera truth = test::random_camera(random);
+    const auto expect = [&](const Eigen::Matrix3Xd& points, const Eigen::Matrix2Xd& seen, FitStatus status,
+                            const std::string& reason) {
+        const PoseResult pose = estimate_pose(points, seen);
+        EXPECT_EQ(pose.status, status) << reason;
+        EXPECT_NE(pose.reason.find(reason), std::string::npos) << pose.reason;
+        EXPECT_EQ(pose.camera.camera_from_model, frontal_rotation());
+        EXPECT_EQ(pose.camera.scale_px_per_mm, 1.0);
+    };
+    const Eigen::Matrix3Xd points = random_points(random, 10);
+    const Eigen::Matrix2Xd seen = project(truth, points);
+    expect(points.leftCols(3), seen.leftCols(3), FitStatus::too_few_correspondences, "got 3");
+    expect(Eigen::Matrix3Xd(3, 0), Eigen::Matrix2Xd(2, 0), FitStatus::too_few_correspondences, "got 0");
+    expect(Eigen::Vector3d(1, 2, 3).replicate(1, 10), seen, FitStatus::degenerate, "coincide");
+    const Eigen::Matrix3Xd line = Eigen::Vector3d(1, 2, 3) * Eigen::RowVectorXd::LinSpaced(10, -30, 30);
+    expect(line, project(truth, line), FitStatus::degenerate, "on a line");
+    Eigen::Matrix3Xd plane = points;
+    plane.row(2) = 0.3 * plane.row(0);
+    expect(plane, project(truth, plane), FitStatus::degenerate, "in a plane");
+    expect(points, Eigen::Vector2d(5, 6).replicate(1, 10), FitStatus::degenerate, "coincide");
+    Eigen::Matrix2Xd flat = seen;
+    flat.row(1) = 2 * flat.row(0);
+    expect(points, flat, FitStatus::degenerate, "line");
+    EXPECT_EQ(estimate_pose(points, seen).status, FitStatus::success);
+    EXPECT_EQ(estimate_pose(points.leftCols(4), seen.leftCols(4)).status, FitStatus::success);
+}
+
+TEST(EstimatePose, FaceThatLooksAwayIsImplausible)
+{
+    Random random(18);
+    const Eigen::Matrix3Xd points = random_points(random, 10);
+    Camera camera;
+    camera.camera_from_model = rotation_from_angles({radians(99), 0, 0});
+    EXPECT_EQ(estimate_pose(points, project(camera, points)).status, FitStatus::success);
+    camera.camera_from_model = rotation_from_angles({radians(101), 0, 0});
+    EXPECT_EQ(estimate_pose(points, project(camera, points)).status, FitStatus::implausible);
+}
+
+TEST(EstimatePose, BrokenInputThrows)
+{
+    const Eigen::Matrix3Xd points = Eigen::Matrix3Xd::Random(3, 5);
+    Eigen::Matrix2Xd seen = Eigen::Matrix2Xd::Random(2, 5);
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)estimate_pose(points, seen.leftCols(4)); }, "image_points"));
+    EXPECT_TRUE(test::throws<InvalidArgument>(
+        [&] { (void)estimate_pose(points, seen, Eigen::VectorXd::Constant(5, -1)); }, "weights"));
+    seen(1, 2) = std::nan("");
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)estimate_pose(points, seen); }, "image_points(1, 2)", "nan"));
+    EXPECT_TRUE(
+        test::throws<InvalidArgument>([&] { (void)estimate_pose_perspective(points, seen, 0.0); }, "focal_length_px"));
+}
+
+TEST(EstimatePosePerspective, RecoversThePlantedCameraExactly)
+{
+    Random random(19);
+    for (int trial = 0; trial < 50; ++trial) {
+        Camera truth = test::random_camera(random, 60);
+        const double focal_length_px = truth.scale_px_per_mm * random.uniform(300, 3000);
+        truth.phi_per_mm = truth.scale_px_per_mm / focal_length_px;
+        const Eigen::Matrix3Xd points = random_points(random, 20);
+        const PoseResult pose =
+            estimate_pose_perspective(points, project(truth, points), focal_length_px, {}, truth.principal_point_px);
+        ASSERT_EQ(pose.status, FitStatus::success) << pose.reason;
+        EXPECT_THAT(pose.camera.camera_from_model, IsNear(truth.camera_from_model, 1e-8));
+        EXPECT_NEAR(pose.camera.scale_px_per_mm, truth.scale_px_per_mm, 1e-8);
+        EXPECT_NEAR(pose.camera.phi_per_mm, truth.phi_per_mm, 1e-10);
+        EXPECT_THAT(pose.camera.translation_mm, IsNear(truth.translation_mm, 1e-6));
+    }
+}
+
+TEST(EstimatePosePerspective, FarAwayItIsTheBestScaledOrthographicPose)
+{
+    Random random(20);
+    const Camera truth = test::random_camera(random);
+    const Eigen::Matrix3Xd points = random_points(random, 20);
+    const Eigen::Matrix2Xd seen = add_noise(project(truth, points), 3, random);
+    const PoseResult closed = estimate_pose(points, seen);
+    const PoseResult far = estimate_pose_perspective(points, seen, 1e9);
+    EXPECT_EQ(far.status, FitStatus::success);
+    EXPECT_LE(far.rms_px, closed.rms_px); // the closed form is not the least reprojection error
+    EXPECT_THAT(far.camera.camera_from_model, IsNear(closed.camera.camera_from_model, 0.05));
+}
+
+TEST(EstimatePosePerspective, FaceTooNearIsImplausible)
+{
+    Random random(21);
+    const Camera truth = test::random_camera(random);
+    const Eigen::Matrix3Xd points = random_points(random, 20);
+    const PoseResult pose = estimate_pose_perspective(points, project(truth, points), 100 * truth.scale_px_per_mm);
+    EXPECT_EQ(pose.status, FitStatus::implausible);
+    EXPECT_TRUE(pose.camera.camera_from_model.allFinite());
+}
+
+TEST(EstimateAffineCamera, RecoversAnyAffineCameraExactly)
+{
+    Random random(23);
+    const Eigen::Matrix3Xd points = random_points(random, 9);
+    Eigen::Matrix<double, 2, 4> truth;
+    truth << 1.2, 0.1, -0.3, 310, 0.05, -2.4, 0.2, 205; // non-uniform scale and shear
+    const Eigen::Matrix2Xd seen = truth * points.colwise().homogeneous();
+    const AffineCameraResult result = estimate_affine_camera(points, seen);
+    ASSERT_EQ(result.status, FitStatus::success);
+    EXPECT_THAT(result.image_from_model, IsNear(truth, 1e-9));
+}
+
+TEST(EstimateAffineCamera, IsTheLeastSquaresSolution)
+{
+    Random random(24);
+    const Eigen::Matrix3Xd points = random_points(random, 15);
+    const Eigen::Matrix2Xd seen = add_noise(project(test::random_camera(random), points), 5, random);
+    const Eigen::MatrixXd design = points.colwise().homogeneous().transpose();
+    const Eigen::MatrixXd expected =
+        design.bdcSvd(Eigen::ComputeThinU | Eigen::ComputeThinV).solve(Eigen::MatrixXd(seen.transpose())).transpose();
+    EXPECT_THAT(estimate_affine_camera(points, seen).image_from_model, IsNear(expected, 1e-9));
+}
+
+TEST(EstimateAffineCamera, DegeneratePointsGetTheirStatus)
+{
+    Random random(25);
+    Eigen::Matrix3Xd points = random_points(random, 9);
+    const Eigen::Matrix2Xd seen = project(test::random_camera(random), points);
+    EXPECT_EQ(estimate_affine_camera(points.leftCols(3), seen.leftCols(3)).status, FitStatus::too_few_correspondences);
+    points.row(2).setZero();
+    EXPECT_EQ(estimate_affine_camera(points, seen).status, FitStatus::degenerate);
+    points.setZero();
+    EXPECT_EQ(estimate_affine_camera(points, seen).status, FitStatus::degenerate);
+}
+
+} // namespace
+} // namespace lineament
