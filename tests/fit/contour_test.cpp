@@ -124,10 +124,10 @@ TEST(ContourModel, HiddenVerticesAreThoseARayFinds)
     for (const double yaw_deg : {35.0, 50.0, 60.0, 70.0}) {
         const Camera camera = camera_at(yaw_deg);
         const std::vector<int> all = contour.silhouette_vertices(shape, camera, FaceSide::left, 1000);
-        const std::vector<int> seen = contour.silhouette_vertices(shape, camera, FaceSide::left, 10);
+        const std::vector<int> seen = contour.silhouette_vertices(shape, camera, FaceSide::left, 20);
         for (const int vertex : all) {
             const bool is_seen = std::binary_search(seen.begin(), seen.end(), vertex);
-            const bool hidden = is_hidden(shape, camera, vertex, 10);
+            const bool hidden = is_hidden(shape, camera, vertex, 20);
             num_hidden += hidden;
             num_agreed += hidden != is_seen;
             ++num_all;

@@ -46,7 +46,8 @@ double least_by_enumeration(const Eigen::MatrixXd& gram, const Eigen::VectorXd& 
         }
         const Eigen::VectorXd rest = b - gram * x;
         const Eigen::MatrixXd block = gram(free, free);
-        x(free) = block.ldlt().solve(Eigen::VectorXd(rest(free)));
+        const Eigen::VectorXd solution = block.ldlt().solve(Eigen::VectorXd(rest(free)));
+        x(free) = solution;
         if ((x.array() >= lower).all() && (x.array() <= upper).all()) {
             least = std::min(least, objective(gram, b, x));
         }

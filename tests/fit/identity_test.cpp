@@ -90,6 +90,7 @@ TEST(FitIdentity, WithoutRegularizationItIsLeastSquaresByQr)
     const Problem problem = plant(random, 2);
     IdentityOptions options;
     options.regularization = 0;
+    options.max_coefficient = 50;
     const auto [a, b] = design(problem);
     const Eigen::VectorXd expected = a.colPivHouseholderQr().solve(-b);
     EXPECT_THAT(fit_identity(points(), problem.seen, problem.camera, {}, problem.psi, options).coefficients,
@@ -220,28 +221,36 @@ TEST(FitIdentity, PerspectiveConvergesToThePlantedCoefficients)
     EXPECT_THAT(alpha, IsNear(problem.alpha, 1e-6));
 }
 
-TEST(IdentitySystem, MoreImagesUnderOnePriorComeNearerTheTruth)
+TEST(IdentitySystem, StackedImagesComeNearerTheTruthAsThePosteriorPredicts)
 {
     Random random(10);
-    double error_one = 0, error_ten = 0;
-    for (int person = 0; person < 20; ++person) {
+    const double sigma_px = 3;
+    const int persons = 100;
+    double error_one = 0, error_ten = 0, predicted = 0;
+    IdentityOptions options;
+    options.max_coefficient = 50;
+    for (int person = 0; person < persons; ++person) {
         const Eigen::VectorXd alpha = test::random_normal(random, 12);
         IdentitySystem system(12);
         for (int image = 1; image <= 10; ++image) {
             Problem problem = plant(random, 0);
             problem.seen = project(problem.camera, points().at(alpha, problem.psi));
             for (Eigen::Index i = 0; i < problem.seen.size(); ++i) {
-                problem.seen(i) += 6 * random.normal();
+                problem.seen(i) += sigma_px * random.normal();
             }
-            system.add(points(), problem.seen, Eigen::VectorXd::Constant(68, 1.0 / 36), problem.camera, problem.psi,
-                       Eigen::VectorXd());
+            system.add(points(), problem.seen, Eigen::VectorXd::Constant(68, 1 / (sigma_px * sigma_px)), problem.camera,
+                       problem.psi, Eigen::VectorXd());
             if (image == 1) {
-                error_one += (system.solve({}).coefficients - alpha).norm();
+                error_one += (system.solve(options).coefficients - alpha).squaredNorm();
             }
         }
-        error_ten += (system.solve({}).coefficients - alpha).norm();
+        const Eigen::VectorXd error = system.solve(options).coefficients - alpha;
+        const Eigen::MatrixXd gram = system.gram().selfadjointView<Eigen::Lower>();
+        error_ten += error.squaredNorm();
+        predicted += error.dot(gram * error) + error.squaredNorm(); // chi-square with 12 degrees of freedom
     }
-    EXPECT_LT(error_ten, 0.5 * error_one); // sqrt(10) without a prior
+    EXPECT_LT(error_ten, error_one);
+    EXPECT_NEAR(predicted / persons, 12.0, 4 * std::sqrt(2 * 12.0 / persons));
 }
 
 TEST(FitIdentity, BrokenInputThrows)

@@ -43,7 +43,8 @@ struct ContourOptions
     double frontal_yaw_deg = 7.5;   ///< Up to here both sides count as facing the camera.
     double hysteresis_deg = 1.0;    ///< A view is left only this far beyond the limit, so that it does not flicker.
     double max_distance_mm = 12.0;  ///< A silhouette match farther away than this, in model units, is dropped.
-    double occlusion_depth_mm = 10; ///< A silhouette vertex is hidden if the head lies this far in front of it.
+    double occlusion_depth_mm = 20; ///< A silhouette vertex is hidden if the head lies this far in front of it: more
+                                    ///< than a round cheek rises within a cell of the depth buffer (15 mm).
     OccludingMatch occluding_match = OccludingMatch::landmark_to_silhouette;
 };
 
@@ -85,7 +86,7 @@ public:
     /// @param shape_vertices  3 x V, mm.
     [[nodiscard]] std::vector<int> silhouette_vertices(const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices,
                                                        const Camera& camera, FaceSide side,
-                                                       double occlusion_depth_mm = 10.0) const;
+                                                       double occlusion_depth_mm = 20.0) const;
 
 private:
     struct Edge
