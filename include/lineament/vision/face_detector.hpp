@@ -77,8 +77,8 @@ public:
     /// the longer one of the picture.
     [[nodiscard]] LandmarkSet landmarks(const ImageU8& picture, const FaceBox& box);
 
-    /// The face of the previous video frame found again: searched around its last place at a reduced scale, or, where
-    /// the detector is silent, kept as long as the landmark predictor, started from shifted boxes, agrees with itself.
+    /// The face of the previous video frame found again: kept where the landmark predictor, started from three boxes
+    /// around its last place, agrees with itself; in doubt the detector searches a crop around that place.
     /// @param previous  68 landmarks (scheme ibug68) of the same face in the previous frame.
     /// @return The face with its confidence, or nothing if it is lost.
     /// @throws InvalidArgument unless the picture is RGB and not empty and `previous` holds ibug68 18 ... 68.
