@@ -1,0 +1,290 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/report/overlay.hpp"
+
+#include "lineament/camera/angles.hpp"
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/render/draw.hpp"
+#include "lineament/render/visibility.hpp"
+#include "report/html.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <utility>
+
+namespace lineament {
+
+void OverlayOptions::check() const
+{
+    require(mesh_opacity >= 0 && mesh_opacity <= 1, "OverlayOptions", "mesh_opacity", "a number in [0, 1]",
+            to_text(mesh_opacity));
+    require(axis_length_mm >= 0 && std::isfinite(axis_length_mm), "OverlayOptions", "axis_length_mm", "a number >= 0",
+            to_text(axis_length_mm));
+}
+
+namespace {
+
+constexpr double smallest_edge_px = 5.0; // Mean edge length from which a wireframe reads as lines.
+
+// The picture as RGB; alpha is laid over white.
+ImageU8 rgb_of(const ImageU8& picture)
+{
+    ImageU8 result(picture.width, picture.height, 3);
+    const std::size_t count = static_cast<std::size_t>(picture.width) * picture.height;
+    for (std::size_t i = 0; i < count; ++i) {
+        const std::uint8_t* pixel = picture.data.data() + i * picture.channels;
+        for (std::size_t c = 0; c < 3; ++c) {
+            const int value = pixel[picture.channels == 1 ? 0 : c];
+            const int alpha = picture.channels == 4 ? pixel[3] : 255;
+            result.data[3 * i + c] = static_cast<std::uint8_t>((value * alpha + 255 * (255 - alpha) + 127) / 255);
+        }
+    }
+    return result;
+}
+
+// Where the face lies in the picture.
+struct FaceBox
+{
+    Eigen::AlignedBox2d box_px = {};
+
+    [[nodiscard]] double size_px() const { return box_px.isEmpty() ? 0.0 : box_px.sizes().maxCoeff(); }
+    // Drawing sizes are given for a face of 300 px.
+    [[nodiscard]] double unit_px() const { return std::clamp(size_px() / 300.0, 0.7, 8.0); }
+};
+
+double mean_edge_px(const Level& level, const Eigen::Matrix2Xd& points)
+{
+    double sum = 0.0;
+    for (Eigen::Index t = 0; t < level.triangles.cols(); ++t) {
+        sum += (points.col(level.triangles(0, t)) - points.col(level.triangles(1, t))).norm();
+    }
+    return level.triangles.cols() > 0 ? sum / static_cast<double>(level.triangles.cols()) : 0.0;
+}
+
+const Level& readable_level(const MorphableModel& model, const Eigen::Matrix2Xd& points)
+{
+    for (std::size_t i = model.levels.size(); i-- > 1;) {
+        if (mean_edge_px(model.levels[i], points) >= smallest_edge_px) {
+            return model.levels[i];
+        }
+    }
+    return model.levels.front();
+}
+
+// The edges of triangles that are seen, each once, with how squarely it is seen: 0 at the silhouette to 1.
+std::map<std::pair<int, int>, double> seen_edges(const Level& level, const Eigen::Matrix3Xf& vertices,
+                                                 const Camera& camera, const DepthTest& depth_test)
+{
+    std::map<std::pair<int, int>, double> edges;
+    for (Eigen::Index t = 0; t < level.triangles.cols(); ++t) {
+        const Eigen::Vector3i corners = level.triangles.col(t);
+        Eigen::Matrix3d points;
+        for (int i = 0; i < 3; ++i) {
+            points.col(i) = camera.in_camera(vertices.col(corners[i]).cast<double>());
+        }
+        const Eigen::Vector3d normal =
+            (points.col(1) - points.col(0)).cross(points.col(2) - points.col(0)).normalized();
+        const Eigen::Vector3d middle = points.rowwise().mean();
+        if (depth_test(middle, normal) != Visibility::visible) {
+            continue;
+        }
+        const double facing = std::clamp(-normal.dot(view_ray(camera, middle).normalized()), 0.0, 1.0);
+        for (int i = 0; i < 3; ++i) {
+            const std::pair<int, int> edge = std::minmax(corners[i], corners[(i + 1) % 3]);
+            edges[edge] = std::max(edges[edge], facing);
+        }
+    }
+    return edges;
+}
+
+void draw_mesh(ImageU8& picture, const MorphableModel& model, const Eigen::Matrix3Xf& vertices, const Camera& camera,
+               const Eigen::Matrix2Xd& points, const FaceBox& face, double opacity)
+{
+    // The depth test looks at the part of the picture that holds the face.
+    const Eigen::AlignedBox2d view(Eigen::Vector2d::Zero(), Eigen::Vector2d(picture.width, picture.height));
+    const Eigen::AlignedBox2d part = face.box_px.intersection(view);
+    if (part.isEmpty()) {
+        return;
+    }
+    const Eigen::Vector2d corner(std::floor(part.min().x()), std::floor(part.min().y()));
+    const Eigen::Vector2i size = (part.max() - corner).array().ceil().matrix().cast<int>();
+    Camera shifted = camera;
+    shifted.principal_point_px -= corner;
+    const DepthTest depth_test(vertices, model.levels.back().triangles, shifted, size.x(), size.y(),
+                               {.depth_tolerance_mm = 2.5}); // a coarser level lies that far from the finest
+    const double width = 0.75 * std::sqrt(face.unit_px());
+    for (const auto& [edge, facing] : seen_edges(readable_level(model, points), vertices, shifted, depth_test)) {
+        const double alpha = 255.0 * opacity * (0.15 + 0.85 * std::sqrt(facing));
+        draw_line(picture, points.col(edge.first), points.col(edge.second),
+                  {215, 240, 255, static_cast<std::uint8_t>(std::lround(std::min(alpha, 255.0)))}, width);
+    }
+}
+
+void draw_landmarks(ImageU8& picture, const FitResult& fit, double unit_px, bool has_face)
+{
+    constexpr Color seen{255, 205, 40};
+    constexpr Color unused{200, 200, 200, 150};
+    constexpr Color fitted{20, 200, 220};
+    constexpr Color residual{255, 60, 120};
+    constexpr Color rim{20, 24, 30, 200};
+    const auto is_used = [&](const FittedLandmark& landmark) { return has_face && landmark.weight > 0; };
+    for (const FittedLandmark& landmark : fit.landmarks) {
+        if (is_used(landmark)) {
+            draw_line(picture, landmark.point_px, landmark.fitted_px, residual, 1.1 * unit_px);
+        }
+    }
+    for (const FittedLandmark& landmark : fit.landmarks) {
+        if (!landmark.point_px.allFinite()) {
+            continue;
+        }
+        draw_disc(picture, landmark.point_px, 2.3 * unit_px, rim);
+        draw_disc(picture, landmark.point_px, 1.7 * unit_px, is_used(landmark) || !has_face ? seen : unused);
+        if (is_used(landmark)) {
+            draw_disc(picture, landmark.fitted_px, 1.1 * unit_px, fitted);
+        }
+    }
+}
+
+// The tip of the nose, if a landmark scheme names it; else the foremost point near the symmetry plane.
+Eigen::Vector3d nose_of(const MorphableModel& model, const Eigen::Matrix3Xf& vertices)
+{
+    if (const LandmarkMap* map = model.find_landmark_map("ibug68")) {
+        const int tip = map->index_of("31");
+        if (tip >= 0) {
+            return map->points_on(vertices).col(tip).cast<double>();
+        }
+    }
+    Eigen::Index foremost = 0;
+    vertices.row(2).maxCoeff(&foremost);
+    return vertices.col(foremost).cast<double>();
+}
+
+// Letters of about 11 px on a face of 300 px.
+int text_scale(double unit_px)
+{
+    return std::clamp(static_cast<int>(std::lround(1.4 * unit_px)), 1, 12);
+}
+
+void draw_shadowed_text(ImageU8& picture, int left, int top, const std::string& text, const Color& color, int scale)
+{
+    for (const auto& [dx, dy] : {std::pair(-1, 0), std::pair(1, 0), std::pair(0, -1), std::pair(0, 1)}) {
+        draw_text(picture, left + dx, top + dy, text, {20, 24, 30, 150}, scale);
+    }
+    draw_text(picture, left, top, text, color, scale);
+}
+
+void draw_axes(ImageU8& picture, const Camera& camera, const Eigen::Vector3d& nose, double length_mm, double unit_px)
+{
+    struct Axis
+    {
+        Eigen::Vector3d direction;
+        Color color;
+        const char* name;
+    };
+    std::array<Axis, 3> axes{{{Eigen::Vector3d::UnitX(), {235, 64, 52}, "x"},
+                              {Eigen::Vector3d::UnitY(), {52, 199, 89}, "y"},
+                              {Eigen::Vector3d::UnitZ(), {64, 132, 255}, "z"}}};
+    const auto depth = [&](const Axis& axis) { return (camera.camera_from_model * axis.direction).z(); };
+    std::sort(axes.begin(), axes.end(), [&](const Axis& a, const Axis& b) { return depth(a) > depth(b); });
+    const Eigen::Vector2d origin = camera.project(nose);
+    constexpr Color shadow{20, 24, 30, 150};
+    for (const Axis& axis : axes) { // the farthest first
+        const Eigen::Vector2d end = camera.project(Eigen::Vector3d(nose + length_mm * axis.direction));
+        const double length_px = (end - origin).norm();
+        if (!(length_px > 4.0 * unit_px) || !(end.cwiseAbs().maxCoeff() < 1e6)) {
+            continue; // seen along its length, or far outside
+        }
+        const Eigen::Vector2d along = (end - origin) / length_px;
+        const Eigen::Vector2d across(-along.y(), along.x());
+        const double head = std::min(7.0 * unit_px, 0.4 * length_px);
+        for (const auto& [color, width] : {std::pair(shadow, 4.2 * unit_px), std::pair(axis.color, 2.4 * unit_px)}) {
+            draw_line(picture, origin, end, color, width);
+            draw_line(picture, end, end - head * along + 0.55 * head * across, color, width);
+            draw_line(picture, end, end - head * along - 0.55 * head * across, color, width);
+        }
+        const int scale = text_scale(unit_px);
+        const Eigen::Vector2d middle = end + (3.0 * unit_px + 5.0 * scale) * along;
+        draw_shadowed_text(picture, static_cast<int>(std::lround(middle.x() - 2.5 * scale)),
+                           static_cast<int>(std::lround(middle.y() - 3.5 * scale)), axis.name, axis.color, scale);
+    }
+    draw_disc(picture, origin, 2.4 * unit_px, {255, 255, 255});
+}
+
+std::string caption_of(const FitResult& fit, bool has_face)
+{
+    std::string text;
+    if (has_face) {
+        const HeadAngles angles = angles_from_rotation(fit.camera.camera_from_model);
+        text = "yaw " + html::number(degrees(angles.yaw), 0) + "  pitch " + html::number(degrees(angles.pitch), 0) +
+               "  roll " + html::number(degrees(angles.roll), 0) + " deg";
+    }
+    if (fit.status != FitStatus::success) {
+        text += (text.empty() ? "" : "  ") + std::string(to_string(fit.status));
+    }
+    return text;
+}
+
+// A dark plate with the text below the face, or as near as the picture allows.
+void draw_caption(ImageU8& picture, const std::string& text, const FaceBox& face)
+{
+    if (text.empty() || face.box_px.isEmpty() || !face.box_px.sizes().allFinite()) {
+        return;
+    }
+    int scale = text_scale(face.unit_px());
+    while (scale > 1 && text_width_px(text, scale) > picture.width) {
+        --scale;
+    }
+    const int margin = 4 * scale;
+    const int width = text_width_px(text, scale) + 2 * margin;
+    const int height = 8 * scale + 2 * margin;
+    const auto place = [](double wished, int length, int available) {
+        return static_cast<int>(std::lround(std::clamp(wished, 0.0, std::max(0.0, available - length * 1.0))));
+    };
+    const int left = place(face.box_px.center().x() - 0.5 * width, width, picture.width);
+    const int top = place(face.box_px.max().y() + 2.0 * margin, height, picture.height);
+    fill_rectangle(picture, left, top, width, height, {16, 20, 26, 170});
+    draw_text(picture, left + margin, top + margin + scale / 2, text, {245, 247, 250}, scale);
+}
+
+} // namespace
+
+ImageU8 draw_overlay(const ImageU8& picture, const MorphableModel& model, const FitResult& fit,
+                     const OverlayOptions& options)
+{
+    options.check();
+    require(picture.channels == 1 || picture.channels == 3 || picture.channels == 4, "draw_overlay", "picture.channels",
+            "1, 3 or 4", std::to_string(picture.channels));
+    const bool has_face = fit.status != FitStatus::degenerate && fit.status != FitStatus::too_few_correspondences;
+    ImageU8 result = rgb_of(picture);
+    FaceBox face;
+    if (has_face) {
+        const Eigen::VectorXf shape = shape_of(model, fit);
+        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model.num_vertices());
+        const Eigen::Matrix2Xd points = fit.camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(vertices.cast<double>()));
+        face.box_px = Eigen::AlignedBox2d(points.rowwise().minCoeff(), points.rowwise().maxCoeff());
+        if (options.mesh_opacity > 0 && !model.levels.empty()) {
+            draw_mesh(result, model, vertices, fit.camera, points, face, options.mesh_opacity);
+        }
+    }
+    for (const FittedLandmark& landmark : fit.landmarks) {
+        if (!has_face && landmark.point_px.allFinite()) {
+            face.box_px.extend(landmark.point_px);
+        }
+    }
+    if (options.landmarks == OverlayLandmarks::residuals) {
+        draw_landmarks(result, fit, face.unit_px(), has_face);
+    }
+    if (has_face && options.axis_length_mm > 0) {
+        const Eigen::VectorXf shape = shape_of(model, fit);
+        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model.num_vertices());
+        draw_axes(result, fit.camera, nose_of(model, vertices), options.axis_length_mm, face.unit_px());
+    }
+    if (options.caption == OverlayCaption::pose_and_status) {
+        draw_caption(result, caption_of(fit, has_face), face);
+    }
+    return result;
+}
+
+} // namespace lineament
