@@ -26,7 +26,12 @@ void OverlayOptions::check() const
 
 namespace {
 
-constexpr double smallest_edge_px = 5.0; // Mean edge length from which a wireframe reads as lines.
+constexpr double smallest_edge_px = 6.0; // Mean edge length from which a wireframe reads as lines.
+
+bool has_face(const FitResult& fit)
+{
+    return fit.status != FitStatus::degenerate && fit.status != FitStatus::too_few_correspondences;
+}
 
 // The picture as RGB; alpha is laid over white.
 ImageU8 rgb_of(const ImageU8& picture)
@@ -114,7 +119,7 @@ void draw_mesh(ImageU8& picture, const MorphableModel& model, const Eigen::Matri
     shifted.principal_point_px -= corner;
     const DepthTest depth_test(vertices, model.levels.back().triangles, shifted, size.x(), size.y(),
                                {.depth_tolerance_mm = 2.5}); // a coarser level lies that far from the finest
-    const double width = 0.75 * std::sqrt(face.unit_px());
+    const double width = 0.65 * std::sqrt(face.unit_px());
     for (const auto& [edge, facing] : seen_edges(readable_level(model, points), vertices, shifted, depth_test)) {
         const double alpha = 255.0 * opacity * (0.15 + 0.85 * std::sqrt(facing));
         draw_line(picture, points.col(edge.first), points.col(edge.second),
@@ -122,14 +127,14 @@ void draw_mesh(ImageU8& picture, const MorphableModel& model, const Eigen::Matri
     }
 }
 
-void draw_landmarks(ImageU8& picture, const FitResult& fit, double unit_px, bool has_face)
+void draw_landmarks(ImageU8& picture, const FitResult& fit, double unit_px)
 {
     constexpr Color seen{255, 205, 40};
     constexpr Color unused{200, 200, 200, 150};
     constexpr Color fitted{20, 200, 220};
     constexpr Color residual{255, 60, 120};
     constexpr Color rim{20, 24, 30, 200};
-    const auto is_used = [&](const FittedLandmark& landmark) { return has_face && landmark.weight > 0; };
+    const auto is_used = [&](const FittedLandmark& landmark) { return has_face(fit) && landmark.weight > 0; };
     for (const FittedLandmark& landmark : fit.landmarks) {
         if (is_used(landmark)) {
             draw_line(picture, landmark.point_px, landmark.fitted_px, residual, 1.1 * unit_px);
@@ -140,7 +145,7 @@ void draw_landmarks(ImageU8& picture, const FitResult& fit, double unit_px, bool
             continue;
         }
         draw_disc(picture, landmark.point_px, 2.3 * unit_px, rim);
-        draw_disc(picture, landmark.point_px, 1.7 * unit_px, is_used(landmark) || !has_face ? seen : unused);
+        draw_disc(picture, landmark.point_px, 1.7 * unit_px, is_used(landmark) || !has_face(fit) ? seen : unused);
         if (is_used(landmark)) {
             draw_disc(picture, landmark.fitted_px, 1.1 * unit_px, fitted);
         }
@@ -161,18 +166,36 @@ Eigen::Vector3d nose_of(const MorphableModel& model, const Eigen::Matrix3Xf& ver
     return vertices.col(foremost).cast<double>();
 }
 
-// Letters of about 11 px on a face of 300 px.
-int text_scale(double unit_px)
+// Pixels of the built-in letters, whose capitals are 7 high, in pixels of the picture.
+double text_scale(double unit_px)
 {
-    return std::clamp(static_cast<int>(std::lround(1.4 * unit_px)), 1, 12);
+    return std::clamp(1.25 * unit_px, 1.0, 12.0);
 }
 
-void draw_shadowed_text(ImageU8& picture, int left, int top, const std::string& text, const Color& color, int scale)
+// Text in the built-in letters at any size >= 1: their pixels are interpolated and drawn where that exceeds `cut`,
+// which rounds them; a lower cut makes them bolder. `middle` is the middle of the capitals.
+void draw_smooth_text(ImageU8& picture, const Eigen::Vector2d& middle, const std::string& text, const Color& color,
+                      double scale, double cut)
 {
-    for (const auto& [dx, dy] : {std::pair(-1, 0), std::pair(1, 0), std::pair(0, -1), std::pair(0, 1)}) {
-        draw_text(picture, left + dx, top + dy, text, {20, 24, 30, 150}, scale);
+    constexpr int border = 2;
+    constexpr double capital_height = 7.0;
+    ImageU8 letters(text_width_px(text) + 2 * border, text_height_px(text) + 2 * border, 1, 0);
+    draw_text(letters, border, border, text, {255, 255, 255});
+    const double width = scale * letters.width;
+    const Eigen::Vector2d corner = middle - Eigen::Vector2d(0.5 * width, scale * (border + 0.5 * capital_height));
+    const int left = std::max(0, static_cast<int>(std::floor(corner.x())));
+    const int top = std::max(0, static_cast<int>(std::floor(corner.y())));
+    const int right = std::min(picture.width, static_cast<int>(std::ceil(corner.x() + width)));
+    const int bottom = std::min(picture.height, static_cast<int>(std::ceil(corner.y() + scale * letters.height)));
+    for (int row = top; row < bottom; ++row) {
+        for (int column = left; column < right; ++column) {
+            const double u = (column + 0.5 - corner.x()) / scale;
+            const double v = (row + 0.5 - corner.y()) / scale;
+            const double height = sample_bilinear(letters, static_cast<float>(u), static_cast<float>(v), 0) / 255.0;
+            const double coverage = std::clamp(2.0 * scale * (height - cut) + 0.5, 0.0, 1.0);
+            blend_pixel(picture, column, row, color, static_cast<float>(coverage));
+        }
     }
-    draw_text(picture, left, top, text, color, scale);
 }
 
 void draw_axes(ImageU8& picture, const Camera& camera, const Eigen::Vector3d& nose, double length_mm, double unit_px)
@@ -204,18 +227,18 @@ void draw_axes(ImageU8& picture, const Camera& camera, const Eigen::Vector3d& no
             draw_line(picture, end, end - head * along + 0.55 * head * across, color, width);
             draw_line(picture, end, end - head * along - 0.55 * head * across, color, width);
         }
-        const int scale = text_scale(unit_px);
+        const double scale = text_scale(unit_px);
         const Eigen::Vector2d middle = end + (3.0 * unit_px + 5.0 * scale) * along;
-        draw_shadowed_text(picture, static_cast<int>(std::lround(middle.x() - 2.5 * scale)),
-                           static_cast<int>(std::lround(middle.y() - 3.5 * scale)), axis.name, axis.color, scale);
+        draw_smooth_text(picture, middle, axis.name, shadow, scale, 0.25);
+        draw_smooth_text(picture, middle, axis.name, axis.color, scale, 0.45);
     }
     draw_disc(picture, origin, 2.4 * unit_px, {255, 255, 255});
 }
 
-std::string caption_of(const FitResult& fit, bool has_face)
+std::string caption_of(const FitResult& fit)
 {
     std::string text;
-    if (has_face) {
+    if (has_face(fit)) {
         const HeadAngles angles = angles_from_rotation(fit.camera.camera_from_model);
         text = "yaw " + html::number(degrees(angles.yaw), 0) + "  pitch " + html::number(degrees(angles.pitch), 0) +
                "  roll " + html::number(degrees(angles.roll), 0) + " deg";
@@ -232,20 +255,28 @@ void draw_caption(ImageU8& picture, const std::string& text, const FaceBox& face
     if (text.empty() || face.box_px.isEmpty() || !face.box_px.sizes().allFinite()) {
         return;
     }
-    int scale = text_scale(face.unit_px());
-    while (scale > 1 && text_width_px(text, scale) > picture.width) {
-        --scale;
-    }
-    const int margin = 4 * scale;
-    const int width = text_width_px(text, scale) + 2 * margin;
-    const int height = 8 * scale + 2 * margin;
-    const auto place = [](double wished, int length, int available) {
-        return static_cast<int>(std::lround(std::clamp(wished, 0.0, std::max(0.0, available - length * 1.0))));
+    const double letters_width = text_width_px(text) + 8.0;
+    const double scale = std::clamp(picture.width / letters_width, 1.0, text_scale(face.unit_px()));
+    const Eigen::Vector2d size(scale * letters_width, scale * 14.0);
+    const auto place = [](double wished, double length, double available) {
+        return std::floor(std::clamp(wished, 0.0, std::max(0.0, available - length)));
     };
-    const int left = place(face.box_px.center().x() - 0.5 * width, width, picture.width);
-    const int top = place(face.box_px.max().y() + 2.0 * margin, height, picture.height);
-    fill_rectangle(picture, left, top, width, height, {16, 20, 26, 170});
-    draw_text(picture, left + margin, top + margin + scale / 2, text, {245, 247, 250}, scale);
+    const Eigen::Vector2d corner(place(face.box_px.center().x() - 0.5 * size.x(), size.x(), picture.width),
+                                 place(face.box_px.max().y() + 6.0 * scale, size.y(), picture.height));
+    const Eigen::Vector2i corner_px = corner.cast<int>();
+    const Eigen::Vector2i size_px = size.array().ceil().matrix().cast<int>();
+    fill_rectangle(picture, corner_px.x(), corner_px.y(), size_px.x(), size_px.y(), {16, 20, 26, 170});
+    draw_smooth_text(picture, corner + 0.5 * size, text, {245, 247, 250}, scale, 0.45);
+}
+
+void draw_annotations(ImageU8& picture, const FitResult& fit, const FaceBox& face, const OverlayOptions& options)
+{
+    if (options.landmarks == OverlayLandmarks::residuals) {
+        draw_landmarks(picture, fit, face.unit_px());
+    }
+    if (options.caption == OverlayCaption::pose_and_status) {
+        draw_caption(picture, caption_of(fit), face);
+    }
 }
 
 } // namespace
@@ -256,33 +287,28 @@ ImageU8 draw_overlay(const ImageU8& picture, const MorphableModel& model, const 
     options.check();
     require(picture.channels == 1 || picture.channels == 3 || picture.channels == 4, "draw_overlay", "picture.channels",
             "1, 3 or 4", std::to_string(picture.channels));
-    const bool has_face = fit.status != FitStatus::degenerate && fit.status != FitStatus::too_few_correspondences;
     ImageU8 result = rgb_of(picture);
-    FaceBox face;
-    if (has_face) {
-        const Eigen::VectorXf shape = shape_of(model, fit);
-        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model.num_vertices());
-        const Eigen::Matrix2Xd points = fit.camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(vertices.cast<double>()));
-        face.box_px = Eigen::AlignedBox2d(points.rowwise().minCoeff(), points.rowwise().maxCoeff());
-        if (options.mesh_opacity > 0 && !model.levels.empty()) {
-            draw_mesh(result, model, vertices, fit.camera, points, face, options.mesh_opacity);
+    if (!has_face(fit)) {
+        FaceBox seen;
+        for (const FittedLandmark& landmark : fit.landmarks) {
+            if (landmark.point_px.allFinite()) {
+                seen.box_px.extend(landmark.point_px);
+            }
         }
+        draw_annotations(result, fit, seen, options);
+        return result;
     }
-    for (const FittedLandmark& landmark : fit.landmarks) {
-        if (!has_face && landmark.point_px.allFinite()) {
-            face.box_px.extend(landmark.point_px);
-        }
+    const Eigen::VectorXf shape = shape_of(model, fit);
+    const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model.num_vertices());
+    const Eigen::Matrix2Xd points = fit.camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(vertices.cast<double>()));
+    require_finite(points, "draw_overlay", "fitted vertices in the picture");
+    const FaceBox face{Eigen::AlignedBox2d(points.rowwise().minCoeff(), points.rowwise().maxCoeff())};
+    if (options.mesh_opacity > 0 && !model.levels.empty()) {
+        draw_mesh(result, model, vertices, fit.camera, points, face, options.mesh_opacity);
     }
-    if (options.landmarks == OverlayLandmarks::residuals) {
-        draw_landmarks(result, fit, face.unit_px(), has_face);
-    }
-    if (has_face && options.axis_length_mm > 0) {
-        const Eigen::VectorXf shape = shape_of(model, fit);
-        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model.num_vertices());
+    draw_annotations(result, fit, face, options);
+    if (options.axis_length_mm > 0) {
         draw_axes(result, fit.camera, nose_of(model, vertices), options.axis_length_mm, face.unit_px());
-    }
-    if (options.caption == OverlayCaption::pose_and_status) {
-        draw_caption(result, caption_of(fit, has_face), face);
     }
     return result;
 }

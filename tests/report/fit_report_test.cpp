@@ -5,6 +5,7 @@
 #include "report/report_fixtures.hpp"
 #include "support/matchers.hpp"
 
+#include <charconv>
 #include <cstring>
 
 namespace lineament {
@@ -93,7 +94,9 @@ TEST(FitReport, HoldsTheMeshExactlyAndTheMorphTargetsToTheirStep)
     const std::string vertices = test::decode_base64(text_between(page, "\"vertices\":\"", "\""));
     ASSERT_EQ(vertices.size(), 4u * view.neutral.vertices.size());
     EXPECT_EQ(std::memcmp(vertices.data(), view.neutral.vertices.data(), vertices.size()), 0); // little-endian machine
-    const float scale = std::stof(text_between(page, "\"scale\":", ","));
+    const std::string scale_text = text_between(page, "\"scale\":", ",");
+    float scale = 0.0f;
+    std::from_chars(scale_text.data(), scale_text.data() + scale_text.size(), scale);
     const std::string steps = test::decode_base64(text_between(page, "\"offsets\":\"", "\""));
     ASSERT_EQ(steps.size(), 2u * view.expressions.offsets.rows());
     double largest = 0.0;

@@ -23,7 +23,7 @@ enum class OverlayCaption
 /// What is drawn over a picture. All sizes follow the size of the face in the picture.
 struct OverlayOptions
 {
-    double mesh_opacity = 0.5;    ///< Of the wireframe, [0, 1]; 0: none.
+    double mesh_opacity = 0.4;    ///< Of the wireframe, [0, 1]; 0: none.
     double axis_length_mm = 55.0; ///< Of the head's axes, >= 0; 0: none.
     OverlayLandmarks landmarks = OverlayLandmarks::residuals;
     OverlayCaption caption = OverlayCaption::pose_and_status;
@@ -37,7 +37,7 @@ struct OverlayOptions
 ///
 /// A fit that is degenerate or had too few points has no face to draw: its landmarks and caption alone are drawn.
 /// @throws InvalidArgument on a picture of another number of channels, coefficients that do not fit the model, an
-///   expression set the model lacks, or bad options.
+///   expression set the model lacks, a camera under which a vertex is at no finite place, or bad options.
 [[nodiscard]] ImageU8 draw_overlay(const ImageU8& picture, const MorphableModel& model, const FitResult& fit,
                                    const OverlayOptions& options = {});
 
