@@ -22,6 +22,11 @@ namespace {
 
 constexpr double blur_sigma_px = 0.6;
 constexpr int num_skin_modes = 12;
+constexpr double brow_strength = 0.72;
+// The skins are light (14) or dark (6), with little between: two points at +0.65 and -1.53 standard deviations of the
+// first mode. A normal distribution with all of it is lighter than the light ones one time in four; with this share of
+// it, one time in six.
+constexpr double light_dark_share = 0.65;
 
 const Eigen::Vector3d sclera(0.78, 0.74, 0.71);
 const Eigen::Vector3d iris(0.36, 0.25, 0.17);
@@ -108,7 +113,7 @@ Eigen::VectorXd brow_coverage(const HeadTopology& head, const Eigen::Matrix3Xd& 
         const double above = reference(1, v) - parabola[0] - parabola[1] * x - parabola[2] * x * x;
         const double distance = above / std::sqrt(1.0 + slope * slope);
         const double along = (x - outer) / (inner - outer);
-        const double width_mm = 2.5 + std::clamp(along, 0.0, 1.0);
+        const double width_mm = 2.1 + 0.8 * std::clamp(along, 0.0, 1.0);
         coverage[v] = std::exp(-0.5 * distance * distance / (width_mm * width_mm)) * smoothstep(-0.12, 0.12, along) *
                       smoothstep(1.12, 0.92, along) * smoothstep(90.0, 110.0, reference(2, v));
     }
@@ -154,10 +159,13 @@ PcaModel make_default_color(const MakeHumanPackage& package, const HeadTopology&
     const Eigen::VectorXd skin_mean = skins.rowwise().mean();
     skins.colwise() -= skin_mean;
     skins /= std::sqrt(static_cast<double>(skins.cols() - 1));
+    const Eigen::VectorXd brows = brow_coverage(head, reference);
+    for (Eigen::Index v = 0; v < num_vertices; ++v) {
+        skins.middleRows(3 * v, 3) *= 1.0 - brow_strength * brows[v]; // hair covers the skin
+    }
     const PcaModel pca =
         compute_pca_of_displacements(skin_mean, split_by_symmetry(skins, head.mirror, 1.0), num_skin_modes);
 
-    const Eigen::VectorXd brows = brow_coverage(head, reference);
     const Eigen::VectorXd& face = regions.at("face");
     const Eigen::VectorXd& mouth = regions.at("mouth");
     Eigen::VectorXd mean = skin_mean;
@@ -170,7 +178,7 @@ PcaModel make_default_color(const MakeHumanPackage& package, const HeadTopology&
         const Eigen::Vector3d partner_mean = skin_mean.segment<3>(3 * head.mirror[v]);
         const Eigen::Vector3d skin = 0.5 * (skin_mean.segment<3>(3 * v) + partner_mean);
         const Eigen::Vector3d towards_hair = brows[v] * (brow_hair - skin);
-        mean.segment<3>(3 * v) = skin + 0.62 * towards_hair;
+        mean.segment<3>(3 * v) = skin + brow_strength * towards_hair;
         if (head.uv_of_vertex[static_cast<std::size_t>(v)] < 0) {
             continue; // the eyes do not change with the skin
         }
@@ -194,6 +202,7 @@ PcaModel make_default_color(const MakeHumanPackage& package, const HeadTopology&
 
     Eigen::MatrixXd basis = pca.basis.cast<double>();
     Eigen::VectorXd sigma = pca.standard_deviations.cast<double>();
+    sigma[0] *= light_dark_share;
     for (Eigen::Index i = 0; i < own.cols(); ++i) {
         const Eigen::VectorXd rest = orthogonal_part(basis, own.col(i));
         basis.conservativeResize(Eigen::NoChange, basis.cols() + 1);
