@@ -1,0 +1,99 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "fit_outputs.hpp"
+
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/io/glb_file.hpp"
+#include "lineament/io/image_file.hpp"
+#include "lineament/io/mesh_file.hpp"
+#include "lineament/render/shading.hpp"
+#include "lineament/render/texture_completion.hpp"
+
+namespace lineament::cli {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+GlbScene make_scene(const MorphableModel& model, const FittedFace& face)
+{
+    GlbScene scene;
+    scene.mesh = neutral_mesh(model, face.fit.shape_coefficients);
+    scene.texture = png_text(face.whole_texture);
+    scene.morph_targets = make_morph_targets(model, face.fit.expression_set, face.fit.expression_coefficients);
+    return scene;
+}
+
+} // namespace
+
+std::string png_text(const ImageU8& image)
+{
+    const std::vector<std::byte> bytes = format_png(image);
+    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+Mesh neutral_mesh(const MorphableModel& model, const Eigen::VectorXd& shape_coefficients)
+{
+    return model.mesh_of(model.shape.instance(shape_coefficients));
+}
+
+std::vector<GlbMorphTarget> make_morph_targets(const MorphableModel& model, const std::string& expression_set,
+                                               const Eigen::VectorXd& weights)
+{
+    std::vector<GlbMorphTarget> targets;
+    if (const Blendshapes* set = model.find_expression_set(expression_set)) {
+        for (Eigen::Index k = 0; k < set->num_coefficients(); ++k) {
+            GlbMorphTarget target;
+            target.name = set->names[static_cast<std::size_t>(k)];
+            target.offsets = Eigen::Map<const Eigen::Matrix3Xf>(set->offsets.col(k).data(), 3, model.num_vertices());
+            target.weight = k < weights.size() ? weights[k] : 0.0;
+            targets.push_back(std::move(target));
+        }
+    }
+    return targets;
+}
+
+ImageU8 render_frontal(const Mesh& mesh, const ImageU8& texture)
+{
+    constexpr int width = 480;
+    constexpr int height = 600;
+    return render_mesh(mesh, texture, frame_camera(mesh, {}, width, height), width, height);
+}
+
+FittedFace make_fitted_face(int id, const FitResult& fit, const MorphableModel& model, const TextureLayout& layout,
+                            const ImageU8& picture)
+{
+    FittedFace face;
+    face.id = id;
+    face.fit = fit;
+    const Mesh mesh = model.mesh_of(shape_of(model, fit));
+    const TextureMap texture = extract_texture(layout, mesh.vertices, mesh.triangles, fit.camera, picture);
+    face.texture = mark_holes(texture, HoleMark::transparent);
+    face.whole_texture = complete_texture(texture).color;
+    face.frontal = render_frontal(neutral_mesh(model, fit.shape_coefficients), face.whole_texture);
+    return face;
+}
+
+void write_face(const fs::path& folder, const MorphableModel& model, const FittedFace& face,
+                const OutputOptions& options)
+{
+    save_png((folder / "texture.png").string(), face.texture);
+    save_glb((folder / "mesh.glb").string(), make_scene(model, face));
+    const Mesh mesh = model.mesh_of(shape_of(model, face.fit));
+    if (options.obj || options.neutral) {
+        save_png((folder / "texture_filled.png").string(), face.whole_texture);
+    }
+    if (options.obj) {
+        save_obj((folder / "mesh.obj").string(), mesh, "texture_filled.png");
+    }
+    if (options.neutral) {
+        save_obj((folder / "neutral.obj").string(), neutral_mesh(model, face.fit.shape_coefficients),
+                 "texture_filled.png");
+    }
+    if (options.ply) {
+        save_ply((folder / "mesh.ply").string(), mesh);
+    }
+    save_png((folder / "frontal.png").string(), face.frontal);
+}
+
+} // namespace lineament::cli

@@ -1,0 +1,93 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "model_options.hpp"
+
+#include "console.hpp"
+
+#include "lineament/io/model_file.hpp"
+
+#include <CLI/CLI.hpp>
+
+namespace lineament::cli {
+
+void add_model_options(CLI::App& command, ModelOptions& options)
+{
+    command.add_option("--model", options.model,
+                       "Model file (.safetensors); default: the free model that comes along.");
+    command.add_option("--level", options.level, "Resolution: full, or 0 (coarsest), 1, ...")->capture_default_str();
+    command.add_option("--method", options.method, "How to fit.")
+        ->check(CLI::IsMember({"thesis"}))
+        ->capture_default_str();
+    command
+        .add_option("--expressions", options.expression_set, "Expression set of the model: ekman6, arkit47, or none.")
+        ->capture_default_str();
+    command
+        .add_option("--contour", options.contour,
+                    "The 16 outline landmarks: matched on both sides, on the sides that face the camera, tied to fixed "
+                    "points, or ignored.")
+        ->check(CLI::IsMember({"ignored", "fixed", "front", "both"}))
+        ->capture_default_str();
+    command.add_option("--iterations", options.iterations, "Iterations of the fit.")
+        ->check(CLI::Range(1, 1000))
+        ->capture_default_str();
+    command
+        .add_option("--regularization", options.regularization,
+                    "Weight of the shape prior; default: 1, or 30 with the published prior.")
+        ->check(CLI::NonNegativeNumber);
+    command
+        .add_option("--prior", options.prior,
+                    "Unit of the landmark noise: model (mm, independent of the image size), or published (weight 30 at "
+                    "a variance of 3 px^2, for comparisons).")
+        ->check(CLI::IsMember({"model", "published"}))
+        ->capture_default_str();
+    command
+        .add_option("--focal", options.focal_px, "Focal length [px]: fit a perspective camera; 0: scaled orthographic.")
+        ->check(CLI::NonNegativeNumber);
+}
+
+MorphableModel load_chosen_model(const ModelOptions& options)
+{
+    const std::string path = options.model.empty() ? default_model_path().string() : options.model;
+    MorphableModel model = load_model(path);
+    if (options.level != "full") {
+        const int num_levels = static_cast<int>(model.levels.size());
+        if (options.level.size() != 1 || options.level[0] < '0' || options.level[0] - '0' >= num_levels) {
+            throw Failure(wrong_use, "--level: expected full or 0 to " + std::to_string(num_levels - 1) + ", got " +
+                                         options.level);
+        }
+        model = model.at_level(options.level[0] - '0');
+    }
+    if (options.expression_set != "none" && model.find_expression_set(options.expression_set) == nullptr) {
+        std::string sets;
+        for (const Blendshapes& set : model.expression_sets) {
+            sets += set.name + ", ";
+        }
+        throw Failure(wrong_use, "--expressions: " + path + " has " + sets + "or none; got " + options.expression_set);
+    }
+    return model;
+}
+
+FitOptions fit_options(const ModelOptions& options)
+{
+    FitOptions fit = options.prior == "published" ? FitOptions::published_prior() : FitOptions{};
+    fit.iterations = options.iterations;
+    if (options.regularization) {
+        fit.regularization = *options.regularization;
+    }
+    fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
+    fit.contour = options.contour == "ignored" ? ContourMode::ignored
+                  : options.contour == "fixed" ? ContourMode::fixed
+                  : options.contour == "front" ? ContourMode::front_facing
+                                               : ContourMode::both;
+    if (options.focal_px > 0.0) {
+        fit.focal_length_px = options.focal_px;
+    }
+    return fit;
+}
+
+TextureLayout make_texture_layout(const MorphableModel& model, int size)
+{
+    return TextureLayout(model.mesh_of(model.shape.mean), size, {"mouth_interior"});
+}
+
+} // namespace lineament::cli

@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/model/morphable_model.hpp"
+#include "lineament/render/texture.hpp"
+
+#include <optional>
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace lineament::cli {
+
+/// The options that `fit` and `track` share: which model, and how it is fitted.
+struct ModelOptions
+{
+    std::string model;          ///< File; empty: the default model.
+    std::string level = "full"; ///< "full", or 0 (coarsest), 1, ...
+    std::string method = "thesis";
+    std::string expression_set = "ekman6";
+    std::string contour = "both";
+    std::string prior = "model";
+    int iterations = FitOptions{}.iterations;
+    std::optional<double> regularization; ///< Empty: the default of the prior.
+    double focal_px = 0.0;                ///< 0: unknown, scaled orthographic.
+};
+
+void add_model_options(CLI::App& command, ModelOptions& options);
+
+/// The model at the chosen level. @throws IoError; Failure(wrong_use) for a level or expression set it has not.
+[[nodiscard]] MorphableModel load_chosen_model(const ModelOptions& options);
+
+[[nodiscard]] FitOptions fit_options(const ModelOptions& options);
+
+/// The uv layout of the finest level without the inside of the mouth.
+[[nodiscard]] TextureLayout make_texture_layout(const MorphableModel& model, int size);
+
+} // namespace lineament::cli

@@ -1,0 +1,309 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "video_tracker.hpp"
+
+#include "console.hpp"
+#include "fit_outputs.hpp"
+
+#include "lineament/camera/angles.hpp"
+#include "lineament/core/version.hpp"
+#include "lineament/fit/multi_frame.hpp"
+#include "lineament/io/file.hpp"
+#include "lineament/io/glb_file.hpp"
+#include "lineament/io/image_file.hpp"
+#include "lineament/io/track_file.hpp"
+#include "lineament/render/texture_completion.hpp"
+#include "lineament/report/overlay.hpp"
+#include "lineament/vision/video_writer.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+namespace lineament::cli {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+bool is_drawable(FitStatus status)
+{
+    return status != FitStatus::degenerate && status != FitStatus::too_few_correspondences;
+}
+
+double now_s()
+{
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+Eigen::Vector2d center_of(const VideoInfo& info)
+{
+    return {0.5 * info.width, 0.5 * info.height};
+}
+
+double median(std::vector<double> values)
+{
+    if (values.empty()) {
+        return 0.0;
+    }
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+/// A frame as `lineament track` reports it: the row of frames.csv.
+TrackRow make_row(std::size_t index, double time_s, const std::optional<FitResult>& fit, double confidence)
+{
+    TrackRow row;
+    row.frame = static_cast<int>(index);
+    row.time_s = time_s;
+    row.status = fit ? to_string(fit->status) : "no_face";
+    if (fit && is_drawable(fit->status)) {
+        row.face = 1;
+        row.camera = fit->camera;
+        row.rms_px = fit->rms_px;
+        row.chi_square = fit->chi_square;
+        row.quality = confidence;
+        row.expression_coefficients = fit->expression_coefficients;
+    }
+    return row;
+}
+
+/// The frames' poses and expressions as an animation.
+std::vector<GlbKeyframe> make_animation(const std::vector<TrackRow>& rows)
+{
+    std::vector<GlbKeyframe> keyframes;
+    for (const TrackRow& row : rows) {
+        if (row.camera) {
+            keyframes.push_back({row.time_s, *row.camera, row.expression_coefficients});
+        }
+    }
+    return keyframes;
+}
+
+/// Weights [0, 1] as grey.
+ImageU8 as_grey(const ImageF& weight)
+{
+    ImageU8 grey(weight.width, weight.height, 1);
+    std::transform(weight.data.begin(), weight.data.end(), grey.data.begin(), to_u8);
+    return grey;
+}
+
+} // namespace
+
+/// What the first pass knows of a frame.
+struct VideoTracker::SeenFrame
+{
+    double time_s = 0.0;
+    std::optional<DetectedFace> face = std::nullopt;
+    FitResult fit = {}; ///< Of this frame alone.
+};
+
+VideoTracker::VideoTracker(const TrackOptions& options)
+    : options_(options), model_(load_chosen_model(options.model)),
+      fitter_(model_, "ibug68", fit_options(options.model)), layout_(make_texture_layout(model_, options.texture_size))
+{}
+
+std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoInfo& info,
+                                                         std::optional<std::string>& problem)
+{
+    VideoReader reader(job.input.string());
+    info = reader.info();
+    const Eigen::Vector2d principal_point = center_of(info);
+    ProgressBar bar("watch", static_cast<std::size_t>(std::max<std::int64_t>(info.num_frames, 0)));
+    std::vector<SeenFrame> seen;
+    while (std::optional<VideoFrame> frame = reader.next()) {
+        SeenFrame now;
+        now.time_s = frame->time_s;
+        if (!seen.empty() && seen.back().face) {
+            now.face = detector_.follow(frame->picture, seen.back().face->landmarks);
+        }
+        if (!now.face) {
+            std::vector<DetectedFace> faces = detector_.detect(frame->picture);
+            if (!faces.empty()) {
+                now.face = std::move(faces.front());
+            }
+        }
+        if (now.face) {
+            now.fit = fitter_.fit(now.face->landmarks, principal_point);
+        }
+        seen.push_back(std::move(now));
+        bar.show(seen.size());
+        if (signal_exit_code() != 0) {
+            break;
+        }
+    }
+    problem = reader.problem();
+    return seen;
+}
+
+Eigen::VectorXd VideoTracker::fit_identity(const std::vector<SeenFrame>& seen,
+                                           const Eigen::Vector2d& principal_point_px) const
+{
+    std::vector<FitResult> fits;
+    std::vector<LandmarkSet> landmarks;
+    for (const SeenFrame& frame : seen) {
+        if (frame.face && frame.fit.status == FitStatus::success) {
+            fits.push_back(frame.fit);
+            landmarks.push_back(frame.face->landmarks);
+        }
+    }
+    std::vector<LandmarkSet> chosen;
+    for (const int index : select_spread_frames(fits, options_.num_identity_frames)) {
+        chosen.push_back(landmarks[static_cast<std::size_t>(index)]);
+    }
+    if (chosen.empty()) {
+        throw Failure(no_answer, "no frame with a trustworthy fit");
+    }
+    return fit_frames(fitter_, chosen, principal_point_px).shape_coefficients;
+}
+
+TrackSummary VideoTracker::track(const Job& job)
+{
+    const double begin_s = now_s();
+    VideoInfo info;
+    std::optional<std::string> problem;
+    const std::vector<SeenFrame> seen = watch(job, info, problem);
+    const std::string name = job.input.string();
+    if (std::none_of(seen.begin(), seen.end(), [](const SeenFrame& frame) { return frame.face.has_value(); })) {
+        if (problem) {
+            throw Failure(bad_input, name + ": " + *problem);
+        }
+        throw Failure(no_answer, name + ": no face found in any of " + std::to_string(seen.size()) + " frames");
+    }
+    if (signal_exit_code() != 0) {
+        throw Failure(signal_exit_code(), name + ": interrupted while the video was watched; nothing is written");
+    }
+    const Eigen::Vector2d principal_point = center_of(info);
+    const Eigen::VectorXd identity = fit_identity(seen, principal_point);
+
+    // Second pass: pose and expression of every frame for that identity, overlay and texture.
+    make_folder(job.output);
+    AtomicFile overlay_file(job.output / "overlay.mp4");
+    VideoWriterOptions writer_options;
+    writer_options.expected_frame_rate = info.frame_rate > 0.0 ? info.frame_rate : 25.0;
+    VideoWriter writer(overlay_file.temporary_path().string(), writer_options);
+    TextureAccumulator texture(layout_.size());
+    TrackReport report;
+    std::vector<TrackRow>& rows = report.rows;
+    std::map<std::string, int> status_counts;
+    std::optional<FitResult> previous;
+    {
+        VideoReader reader(name);
+        ProgressBar bar("fit", seen.size());
+        constexpr std::size_t num_thumbnails = 8;
+        const std::size_t thumbnail_step = std::max<std::size_t>(1, seen.size() / num_thumbnails);
+        for (std::size_t i = 0; i < seen.size() && signal_exit_code() == 0; ++i) {
+            std::optional<VideoFrame> frame = reader.next();
+            if (!frame) {
+                break;
+            }
+            std::optional<FitResult> fit;
+            if (seen[i].face) {
+                fit = fitter_.fit_pose_and_expression(seen[i].face->landmarks, principal_point, identity,
+                                                      previous ? &*previous : nullptr);
+            }
+            const bool is_drawn = fit && is_drawable(fit->status);
+            rows.push_back(make_row(i, seen[i].time_s, fit, seen[i].face ? seen[i].face->confidence : 0.0));
+            ++status_counts[rows.back().status];
+            ImageU8 picture = std::move(frame->picture);
+            if (is_drawn) {
+                if (fit->status == FitStatus::success) {
+                    const Mesh mesh = model_.mesh_of(shape_of(model_, *fit));
+                    const TextureMap seen_texture =
+                        extract_texture(layout_, mesh.vertices, mesh.triangles, fit->camera, picture);
+                    texture.add(seen_texture);
+                }
+                picture = draw_overlay(picture, model_, *fit);
+            }
+            previous = is_drawn ? fit : std::nullopt;
+            writer.write(picture, seen[i].time_s);
+            if (i % thumbnail_step == thumbnail_step / 2) {
+                report.thumbnails.push_back({seen[i].time_s, std::move(picture)});
+            }
+            bar.show(i + 1);
+        }
+        problem = problem ? problem : reader.problem();
+    }
+    writer.finish();
+    overlay_file.commit();
+    if (rows.empty()) {
+        throw Failure(signal_exit_code(), name + ": interrupted before the first frame was fitted");
+    }
+
+    write_results(job, info, identity, texture, status_counts, report);
+
+    TrackSummary summary;
+    summary.num_frames = static_cast<std::int64_t>(rows.size());
+    std::vector<double> rms_px;
+    for (const TrackRow& row : rows) {
+        if (row.rms_px) {
+            rms_px.push_back(*row.rms_px);
+        }
+    }
+    summary.num_tracked = static_cast<std::int64_t>(rms_px.size());
+    summary.duration_s = rows.back().time_s - rows.front().time_s;
+    summary.median_rms_px = median(std::move(rms_px));
+    summary.frames_per_second = static_cast<double>(rows.size()) / (now_s() - begin_s);
+    if (problem) {
+        throw Failure(bad_input, name + ": " + *problem + "; the results hold the frames up to there");
+    }
+    return summary;
+}
+
+void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Eigen::VectorXd& identity,
+                                 const TextureAccumulator& texture, const std::map<std::string, int>& status_counts,
+                                 TrackReport& report) const
+{
+    const std::vector<TrackRow>& rows = report.rows;
+    const Blendshapes* expressions = fitter_.expressions();
+    const std::vector<std::string> expression_names =
+        expressions != nullptr ? expressions->names : std::vector<std::string>{};
+    save_frames_csv((job.output / "frames.csv").string(), rows, expression_names);
+
+    TrackFile file;
+    file.width = info.width;
+    file.height = info.height;
+    file.num_frames = static_cast<int>(rows.size());
+    file.duration_s = rows.back().time_s - rows.front().time_s;
+    if (rows.size() > 1 && file.duration_s > 0.0) {
+        file.frame_rate = static_cast<double>(rows.size() - 1) / file.duration_s;
+    }
+    file.model = model_.name;
+    file.method = options_.model.method;
+    file.focal_px = options_.model.focal_px > 0.0 ? std::optional(options_.model.focal_px) : std::nullopt;
+    file.principal_point_px = center_of(info);
+    file.expression_set = expressions != nullptr ? expressions->name : "";
+    file.expression_names = expression_names;
+    file.faces.push_back({1, identity, {}, status_counts});
+    save_track_json((job.output / "track.json").string(), file);
+
+    const TextureMap map = texture.texture();
+    const ImageU8 whole_texture = complete_texture(map).color;
+    save_png((job.output / "texture.png").string(), mark_holes(map, HoleMark::transparent));
+    save_png((job.output / "texture_confidence.png").string(), as_grey(map.weight));
+    const Mesh neutral = neutral_mesh(model_, identity);
+    save_png((job.output / "frontal.png").string(), render_frontal(neutral, whole_texture));
+
+    GlbScene scene;
+    scene.mesh = neutral;
+    scene.texture = png_text(whole_texture);
+    scene.morph_targets = make_morph_targets(model_, file.expression_set, {});
+    scene.animation = make_animation(rows);
+    save_glb((job.output / "face.glb").string(), scene);
+
+    report.title = job.input.filename().string();
+    report.width = info.width;
+    report.height = info.height;
+    report.frame_rate = file.frame_rate;
+    report.model_name = model_.name;
+    report.program = std::string("lineament ") + version;
+    report.expression_names = expression_names;
+    FitResult neutral_fit;
+    neutral_fit.shape_coefficients = identity;
+    neutral_fit.expression_set = file.expression_set;
+    neutral_fit.expression_coefficients = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(expression_names.size()));
+    report.faces.push_back({1, make_face_view(model_, neutral_fit, whole_texture), as_grey(map.weight)});
+    write_file(job.output / "report.html", std::string_view(format_track_report(report)));
+}
+
+} // namespace lineament::cli

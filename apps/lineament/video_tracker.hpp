@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "inputs.hpp"
+#include "model_options.hpp"
+
+#include "lineament/render/texture_fusion.hpp"
+#include "lineament/report/track_report.hpp"
+#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/video_reader.hpp"
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace lineament::cli {
+
+struct TrackOptions
+{
+    ModelOptions model;
+    int num_identity_frames = 30;
+    int texture_size = 512;
+};
+
+struct TrackSummary
+{
+    std::int64_t num_frames = 0;
+    std::int64_t num_tracked = 0;
+    double duration_s = 0.0;
+    double median_rms_px = 0.0;
+    double frames_per_second = 0.0; ///< Frames over the wall time of everything, reading to writing.
+};
+
+/// Follows one person's face through videos and writes the results.
+///
+/// First pass: decode, detect or follow, landmarks of every frame. Then one identity from well-spread frames (thesis
+/// 5.1). Second pass: decode again, pose and expression of every frame for that identity, overlay, texture (5.4).
+class VideoTracker
+{
+public:
+    explicit VideoTracker(const TrackOptions& options);
+
+    /// @throws Failure(no_answer) if no frame shows a face; what the video could not give is in the message.
+    TrackSummary track(const Job& job);
+
+private:
+    struct SeenFrame;
+
+    [[nodiscard]] std::vector<SeenFrame> watch(const Job& job, VideoInfo& info, std::optional<std::string>& problem);
+    [[nodiscard]] Eigen::VectorXd fit_identity(const std::vector<SeenFrame>& seen,
+                                               const Eigen::Vector2d& principal_point_px) const;
+
+    void write_results(const Job& job, const VideoInfo& info, const Eigen::VectorXd& identity,
+                       const TextureAccumulator& texture, const std::map<std::string, int>& status_counts,
+                       TrackReport& report) const;
+
+    TrackOptions options_;
+    MorphableModel model_;
+    FaceFitter fitter_;
+    TextureLayout layout_;
+    FaceDetector detector_;
+};
+
+} // namespace lineament::cli
