@@ -9,6 +9,8 @@ function(lineament_private_flags target)
     set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
     # No fused contraction: the same bits from every compiler (docs/guarantees.md).
     target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wno-sign-conversion
+                                             # Wrong alarms of GCC 12 on std::string (bug 105651).
+                                             $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
                                              -ffp-contract=off $<$<BOOL:${LINEAMENT_WARNINGS_AS_ERRORS}>:-Werror>)
 endfunction()
 
