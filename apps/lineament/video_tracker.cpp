@@ -7,6 +7,7 @@
 
 #include "lineament/camera/angles.hpp"
 #include "lineament/core/version.hpp"
+#include "lineament/fit/frame_selection.hpp"
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/io/file.hpp"
 #include "lineament/io/glb_file.hpp"
@@ -80,6 +81,15 @@ std::vector<GlbKeyframe> make_animation(const std::vector<TrackRow>& rows)
     return keyframes;
 }
 
+/// Divides the summed weights of a fused texture by their largest, so that they lie in [0, 1].
+void normalize_weights(TextureMap& map)
+{
+    const float largest = *std::max_element(map.weight.data.begin(), map.weight.data.end());
+    for (float& weight : map.weight.data) {
+        weight = largest > 0.0f ? weight / largest : 0.0f;
+    }
+}
+
 /// Weights [0, 1] as grey.
 ImageU8 as_grey(const ImageF& weight)
 {
@@ -147,8 +157,10 @@ Eigen::VectorXd VideoTracker::fit_identity(const std::vector<SeenFrame>& seen,
             landmarks.push_back(frame.face->landmarks);
         }
     }
+    FrameSelectionOptions selection;
+    selection.max_frames = options_.num_identity_frames;
     std::vector<LandmarkSet> chosen;
-    for (const int index : select_spread_frames(fits, options_.num_identity_frames)) {
+    for (const int index : select_spread_frames(fits, selection)) {
         chosen.push_back(landmarks[static_cast<std::size_t>(index)]);
     }
     if (chosen.empty()) {
@@ -211,7 +223,7 @@ TrackSummary VideoTracker::track(const Job& job)
                     const Mesh mesh = model_.mesh_of(shape_of(model_, *fit));
                     const TextureMap seen_texture =
                         extract_texture(layout_, mesh.vertices, mesh.triangles, fit->camera, picture);
-                    texture.add(seen_texture);
+                    texture.add(seen_texture, sharpness(seen_texture));
                 }
                 picture = draw_overlay(picture, model_, *fit);
             }
@@ -277,7 +289,8 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
     file.faces.push_back({1, identity, {}, status_counts});
     save_track_json((job.output / "track.json").string(), file);
 
-    const TextureMap map = texture.texture();
+    TextureMap map = texture.texture();
+    normalize_weights(map);
     const ImageU8 whole_texture = complete_texture(map).color;
     save_png((job.output / "texture.png").string(), mark_holes(map, HoleMark::transparent));
     save_png((job.output / "texture_confidence.png").string(), as_grey(map.weight));
