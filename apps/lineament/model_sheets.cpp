@@ -33,8 +33,8 @@ public:
         return mesh;
     }
 
-    [[nodiscard]] SheetTile tile(const Mesh& mesh, double yaw_deg, const std::string& caption,
-                                 const ShadingOptions& options = {}) const
+    [[nodiscard]] Tile tile(const Mesh& mesh, double yaw_deg, const std::string& caption,
+                            const ShadingOptions& options = {}) const
     {
         Camera camera =
             frame_camera(model_.mesh_of(model_.shape.mean), {radians(yaw_deg), 0.0, 0.0}, tile_px_, tile_px_, 0.1);
@@ -60,10 +60,10 @@ std::string signed_text(double value)
     return text;
 }
 
-std::vector<SheetTile> random_faces(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
+std::vector<Tile> random_faces(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
 {
     Random random(options.seed);
-    std::vector<SheetTile> tiles;
+    std::vector<Tile> tiles;
     for (int i = 0; i < options.count; ++i) {
         Eigen::VectorXd shape(model.shape.num_coefficients());
         for (double& coefficient : shape) {
@@ -84,9 +84,9 @@ std::vector<SheetTile> random_faces(const MorphableModel& model, const Studio& s
     return tiles;
 }
 
-std::vector<SheetTile> shape_modes(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
+std::vector<Tile> shape_modes(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
 {
-    std::vector<SheetTile> tiles;
+    std::vector<Tile> tiles;
     for (int mode = 0; mode < std::min<Eigen::Index>(options.count, model.shape.num_coefficients()); ++mode) {
         for (const double sign : {-1.0, 1.0}) {
             const double value = sign * options.standard_deviations;
@@ -97,12 +97,12 @@ std::vector<SheetTile> shape_modes(const MorphableModel& model, const Studio& st
     return tiles;
 }
 
-std::vector<SheetTile> color_modes(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
+std::vector<Tile> color_modes(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
 {
     if (!model.color) {
         throw Failure(wrong_use, "--what color-modes: the model has no colours");
     }
-    std::vector<SheetTile> tiles;
+    std::vector<Tile> tiles;
     for (int mode = 0; mode < std::min<Eigen::Index>(options.count, model.color->num_coefficients()); ++mode) {
         for (const double sign : {-1.0, 1.0}) {
             const double value = sign * options.standard_deviations;
@@ -114,14 +114,14 @@ std::vector<SheetTile> color_modes(const MorphableModel& model, const Studio& st
     return tiles;
 }
 
-std::vector<SheetTile> expressions(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
+std::vector<Tile> expressions(const MorphableModel& model, const Studio& studio, const SheetOptions& options)
 {
     const Blendshapes* set = model.find_expression_set(options.expression_set);
     if (set == nullptr) {
         throw Failure(wrong_use, "--expressions: the model has no set " + options.expression_set);
     }
     const Eigen::VectorXf* color = model.color ? &model.color->mean : nullptr;
-    std::vector<SheetTile> tiles;
+    std::vector<Tile> tiles;
     for (Eigen::Index k = 0; k < set->num_coefficients(); ++k) {
         const Eigen::VectorXf shape =
             model.shape.mean + set->displacement(unit_vector(set->num_coefficients(), k, 1.0));
@@ -130,9 +130,9 @@ std::vector<SheetTile> expressions(const MorphableModel& model, const Studio& st
     return tiles;
 }
 
-std::vector<SheetTile> levels(const MorphableModel& model, const SheetOptions& options)
+std::vector<Tile> levels(const MorphableModel& model, const SheetOptions& options)
 {
-    std::vector<SheetTile> tiles;
+    std::vector<Tile> tiles;
     for (int level = 0; level < static_cast<int>(model.levels.size()); ++level) {
         const MorphableModel coarse = model.at_level(level);
         const Studio studio(coarse, options.tile_px);
@@ -163,25 +163,25 @@ ImageU8 isomap(const MorphableModel& model, const SheetOptions& options)
     return image;
 }
 
-std::vector<SheetTile> landmarks(const MorphableModel& model, const SheetOptions& options)
+std::vector<Tile> landmarks(const MorphableModel& model, const SheetOptions& options)
 {
     const Studio studio(model, options.tile_px);
     const Eigen::Map<const Eigen::Matrix3Xf> vertices(model.shape.mean.data(), 3, model.num_vertices());
-    std::vector<SheetTile> tiles;
+    std::vector<Tile> tiles;
     for (const double yaw_deg : {0.0, 45.0}) {
         const Mesh mean = studio.mesh(model.shape.mean);
-        SheetTile tile = studio.tile(mean, yaw_deg, "");
+        Tile tile = studio.tile(mean, yaw_deg, "");
         const Camera camera = frame_camera(mean, {radians(yaw_deg), 0.0, 0.0}, options.tile_px, options.tile_px, 0.1);
         for (const std::vector<int>* contour : {&model.contour_left, &model.contour_right}) {
             for (const int vertex : *contour) {
-                draw_disc(tile.image, camera.project(Eigen::Vector3d(vertices.col(vertex).cast<double>())), 1.5,
+                draw_disc(tile.picture, camera.project(Eigen::Vector3d(vertices.col(vertex).cast<double>())), 1.5,
                           {40, 90, 200});
             }
         }
         for (const LandmarkMap& map : model.landmark_maps) {
             const Eigen::Matrix3Xf points = map.points_on(vertices);
             for (Eigen::Index l = 0; l < points.cols(); ++l) {
-                draw_disc(tile.image, camera.project(Eigen::Vector3d(points.col(l).cast<double>())), 2.5,
+                draw_disc(tile.picture, camera.project(Eigen::Vector3d(points.col(l).cast<double>())), 2.5,
                           {200, 40, 40});
             }
         }
@@ -198,7 +198,7 @@ ImageU8 make_sheet(const MorphableModel& model, const SheetOptions& options)
     if (options.what == "isomap") {
         return isomap(model, options);
     }
-    std::vector<SheetTile> tiles;
+    std::vector<Tile> tiles;
     int columns = 6;
     if (options.what == "random") {
         tiles = random_faces(model, studio, options);
@@ -216,7 +216,10 @@ ImageU8 make_sheet(const MorphableModel& model, const SheetOptions& options)
         tiles = landmarks(model, options);
         columns = 2;
     }
-    return contact_sheet(tiles, std::min(columns, static_cast<int>(tiles.size())));
+    ContactSheetOptions sheet;
+    sheet.tile_width_px = options.tile_px;
+    sheet.tile_height_px = options.tile_px;
+    return contact_sheet(tiles, std::min(columns, static_cast<int>(tiles.size())), sheet);
 }
 
 } // namespace lineament::cli
