@@ -1,0 +1,223 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/core/version.hpp"
+#include "lineament/io/file.hpp"
+#include "lineament/io/image_file.hpp"
+#include "lineament/io/landmark_file.hpp"
+#include "lineament/io/model_file.hpp"
+#include "support/matchers.hpp"
+#include "support/synthetic_face.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <array>
+#include <cstdio>
+#include <fstream>
+
+#include <sys/wait.h>
+
+namespace lineament {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome
+{
+    int exit_code = -1; ///< -1: killed by a signal.
+    std::string out;
+    std::string error;
+};
+
+std::string read_all(const std::string& path)
+{
+    return read_text_file(path);
+}
+
+/// Runs the program through the shell inside a folder.
+Outcome run(const test::TemporaryFolder& folder, const std::string& arguments)
+{
+    const std::string command =
+        "cd '" + folder.path().string() + "' && '" LINEAMENT_PROGRAM "' " + arguments + " > stdout.txt 2> stderr.txt";
+    const int status = std::system(command.c_str());
+    Outcome outcome;
+    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    outcome.out = read_all(folder / "stdout.txt");
+    outcome.error = read_all(folder / "stderr.txt");
+    return outcome;
+}
+
+void save_text(const std::string& path, const std::string& text)
+{
+    std::ofstream(path) << text;
+}
+
+/// A grey picture, and landmarks of the default model's mean in it.
+void save_synthetic_picture(const test::TemporaryFolder& folder, const std::string& stem)
+{
+    ImageU8 picture(640, 480, 3, 128);
+    for (int row = 0; row < picture.height; ++row) {
+        for (int column = 0; column < picture.width; ++column) {
+            picture.at(column, row, 0) = static_cast<std::uint8_t>(column * 255 / picture.width);
+        }
+    }
+    save_png(folder / (stem + ".png"), picture);
+    const MorphableModel model = load_model(default_model_path());
+    Random random(11);
+    Camera camera;
+    camera.scale_px_per_mm = 1.6;
+    camera.principal_point_px = Eigen::Vector2d(320, 240);
+    camera.camera_from_model = rotation_from_angles({radians(12), radians(4), radians(-3)});
+    const LandmarkSet set = test::project_landmarks(model, "ibug68", Eigen::VectorXd::Zero(0), Eigen::VectorXd::Zero(0),
+                                                    camera, 0.3, random);
+    save_landmarks(folder / (stem + ".json"), set, picture.width, picture.height);
+}
+
+TEST(CommandLine, VersionAndHelpGoToStdout)
+{
+    const test::TemporaryFolder folder;
+    const Outcome version_outcome = run(folder, "--version");
+    EXPECT_EQ(version_outcome.exit_code, 0);
+    EXPECT_EQ(version_outcome.out, std::string("lineament ") + version + "\n");
+    for (const char* command : {"", "fit", "track", "model", "model info", "model sample", "doctor"}) {
+        const Outcome help = run(folder, std::string(command) + " --help");
+        EXPECT_EQ(help.exit_code, 0) << command;
+        EXPECT_NE(help.out.find("Usage"), std::string::npos) << command;
+        EXPECT_EQ(help.error, "") << command;
+    }
+}
+
+TEST(CommandLine, WrongUseIsExitCode2)
+{
+    const test::TemporaryFolder folder;
+    for (const char* arguments :
+         {"", "fit", "frobnicate", "fit a.png --iterations -3", "fit a.png --nonsense", "fit a.png --contour sideways",
+          "fit nothing-*.png", "fit a.png --expressions klingon"}) {
+        const Outcome outcome = run(folder, arguments);
+        EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.error;
+        EXPECT_EQ(outcome.error.rfind("lineament: error: ", 0), 0U) << arguments << "\n" << outcome.error;
+    }
+}
+
+TEST(CommandLine, TwoInputsWithOneOutputNameAreRefusedBeforeAnyWork)
+{
+    const test::TemporaryFolder folder;
+    fs::create_directories(folder / "a");
+    fs::create_directories(folder / "b");
+    save_png(folder / "a/x.png", ImageU8(64, 64, 3));
+    save_png(folder / "b/x.png", ImageU8(64, 64, 3));
+    const Outcome outcome = run(folder, "fit a/x.png b/x.png -o out");
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_NE(outcome.error.find("both write"), std::string::npos) << outcome.error;
+    EXPECT_FALSE(fs::exists(folder / "out"));
+}
+
+TEST(CommandLine, EachFailureHasItsExitCodeAndNamesTheFile)
+{
+    const test::TemporaryFolder folder;
+    save_text(folder / "page.jpg", "<!DOCTYPE html><html></html>");
+    save_text(folder / "empty.png", "");
+    save_png(folder / "blank.png", ImageU8(300, 300, 3, 127));
+    fs::create_directories(folder / "folder.png");
+    const std::vector<std::pair<std::string, int>> cases = {
+        {"fit missing.png", 4},
+        {"fit page.jpg", 3},
+        {"fit empty.png", 3},
+        {"fit blank.png", 6},
+        {"fit blank.png --max-megapixels 0.01", 5},
+        {"fit blank.png --landmarks missing.pts", 4},
+        {"fit blank.png --model missing.safetensors", 4},
+        {"fit blank.png --model page.jpg", 3},
+        {"track missing.mp4", 4},
+        {"track page.jpg", 3},
+        {"model info missing.safetensors", 4},
+    };
+    for (const auto& [arguments, exit_code] : cases) {
+        const Outcome outcome = run(folder, arguments);
+        EXPECT_EQ(outcome.exit_code, exit_code) << arguments << "\n" << outcome.error;
+        EXPECT_EQ(outcome.error.rfind("lineament: error: ", 0), 0U) << arguments << "\n" << outcome.error;
+        EXPECT_EQ(outcome.out, "") << arguments;
+    }
+    EXPECT_FALSE(fs::exists(folder / "blank/overlay.png")) << "nothing is written where there is no face";
+}
+
+TEST(CommandLine, FitWritesEveryPromisedFile)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    const Outcome outcome = run(folder, "fit face.png --landmarks face.json -o out --ply --neutral");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.error;
+    EXPECT_EQ(outcome.out, "out/face\n");
+    for (const char* name : {"overlay.png", "mesh.glb", "mesh.obj", "mesh.mtl", "mesh.ply", "neutral.obj",
+                             "texture.png", "fit.json", "report.html"}) {
+        EXPECT_GT(fs::file_size(fs::path(folder / "out/face") / name), 50U) << name;
+    }
+    const nlohmann::json fit = nlohmann::json::parse(read_all(folder / "out/face/fit.json"));
+    EXPECT_EQ(fit["format"], "lineament-fit");
+    EXPECT_EQ(fit["faces"][0]["status"], "success");
+    EXPECT_NEAR(fit["faces"][0]["pose"]["yaw_deg"].get<double>(), 12.0, 1.5);
+    EXPECT_NEAR(fit["faces"][0]["pose"]["pitch_deg"].get<double>(), 4.0, 3.0);
+    EXPECT_NEAR(fit["faces"][0]["pose"]["roll_deg"].get<double>(), -3.0, 1.0);
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder.path())) {
+        EXPECT_EQ(entry.path().string().find(".part"), std::string::npos) << entry.path();
+    }
+}
+
+TEST(CommandLine, AFailedInputDoesNotStopTheOthers)
+{
+    const test::TemporaryFolder folder;
+    fs::create_directories(folder / "in");
+    save_synthetic_picture(folder, "good");
+    fs::rename(folder / "good.png", folder / "in/good.png");
+    save_text(folder / "in/bad.png", "not a picture");
+    const Outcome outcome = run(folder, "fit in --landmarks good.json -o out --json");
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.error;
+    EXPECT_TRUE(fs::exists(folder / "out/good/mesh.glb"));
+    const nlohmann::json summary = nlohmann::json::parse(outcome.out);
+    ASSERT_EQ(summary.size(), 2U);
+    EXPECT_EQ(summary[0]["exit_code"], 3);
+    EXPECT_EQ(summary[1]["exit_code"], 0);
+}
+
+TEST(CommandLine, DegenerateLandmarksAreNoAnswer)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    LandmarkSet set;
+    for (int i = 0; i < 68; ++i) {
+        set.landmarks.push_back({std::to_string(i + 1), Eigen::Vector2d(100, 100), 1.0});
+    }
+    save_landmarks(folder / "face.json", set, 640, 480);
+    const Outcome outcome = run(folder, "fit face.png --landmarks face.json");
+    EXPECT_EQ(outcome.exit_code, 6) << outcome.error;
+    EXPECT_NE(outcome.error.find("degenerate"), std::string::npos) << outcome.error;
+}
+
+TEST(CommandLine, AFullStandardOutputIsAnError)
+{
+    const test::TemporaryFolder folder;
+    const int status = std::system("'" LINEAMENT_PROGRAM "' model info > /dev/full 2> /dev/null");
+    ASSERT_TRUE(WIFEXITED(status));
+    EXPECT_EQ(WEXITSTATUS(status), 4);
+}
+
+TEST(CommandLine, ControlCharactersOfFileNamesAreEscaped)
+{
+    const test::TemporaryFolder folder;
+    const Outcome outcome = run(folder, "fit \"$(printf 'a\\033[31mred.png')\"");
+    EXPECT_EQ(outcome.exit_code, 4) << outcome.error;
+    EXPECT_EQ(outcome.error.find('\x1b'), std::string::npos) << outcome.error;
+}
+
+TEST(CommandLine, ModelInfoIsReadableByMachines)
+{
+    const test::TemporaryFolder folder;
+    const Outcome outcome = run(folder, "model info --json");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.error;
+    const nlohmann::json info = nlohmann::json::parse(outcome.out);
+    EXPECT_EQ(info["levels"].size(), 3U);
+    EXPECT_EQ(info["shape"]["components"], 60);
+    EXPECT_NE(info["license"].get<std::string>(), "");
+}
+
+} // namespace
+} // namespace lineament
