@@ -22,10 +22,8 @@ for file in $(grep -E '\.(hpp|cpp|cmake|sh|js|py)$|CMakeLists\.txt$' <<< "$files
 done
 
 if command -v clang-format > /dev/null && clang-format --version | grep -q 'version 14'; then
-    for file in $sources; do
-        [ -e "$file" ] || continue
-        clang-format --dry-run -Werror "$file" > /dev/null 2>&1 || complain "$file: not formatted (clang-format -i)"
-    done
+    unformatted=$(xargs clang-format --dry-run -Werror <<< "$sources" 2>&1 | grep -oE '^[^:]+:' | sort -u)
+    [ -z "$unformatted" ] || complain "not formatted (clang-format -i): $unformatted"
 else
     echo "clang-format 14 is not installed: formatting not checked"
 fi
