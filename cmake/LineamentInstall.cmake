@@ -30,4 +30,4 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/lineament-config-version.
 install(FILES ${PROJECT_BINARY_DIR}/lineament-config.cmake ${PROJECT_BINARY_DIR}/lineament-config-version.cmake
         DESTINATION ${lineament_config_dir})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/models/ DESTINATION ${CMAKE_INSTALL_DATADIR}/lineament/models
-        FILES_MATCHING PATTERN "*.safetensors" PATTERN "*.md")
+        FILES_MATCHING PATTERN "*.safetensors" PATTERN "*.tflite" PATTERN "*.md")

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 set(headers
     face_detector.hpp
+    mesh_detector.hpp
     video_reader.hpp
     video_writer.hpp
     video.hpp)

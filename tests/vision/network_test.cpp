@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "engine.hpp"
+#include "network.hpp"
+
+#include "lineament/core/error.hpp"
+#include "lineament/core/random.hpp"
+#include "support/matchers.hpp"
+
+#include <fstream>
+#include <iterator>
+
+namespace lineament::network {
+namespace {
+
+const std::string models = LINEAMENT_SOURCE_MODELS;
+constexpr const char* files[] = {"face_detection_short_range.tflite", "face_detection_full_range.tflite",
+                                 "face_landmark_with_attention.tflite"};
+
+std::string content(const std::string& path)
+{
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+TEST(Sha256, AgreesWithTheStandardsExamples)
+{
+    EXPECT_EQ(sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+    EXPECT_EQ(sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    EXPECT_EQ(sha256("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
+              "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+}
+
+TEST(LoadNetwork, RefusesFilesThatAreMissingUnknownOrCut)
+{
+    const test::TemporaryFolder folder;
+    EXPECT_TRUE(test::throws<IoError>([&] { (void)load_network(folder / "none"); }, "none", "models/README.md"));
+    const std::string bytes = content(models + "/" + files[0]);
+    std::string changed = bytes;
+    changed[100'000] = static_cast<char>(changed[100'000] ^ 1);
+    std::ofstream(folder / "changed", std::ios::binary) << changed;
+    EXPECT_TRUE(test::throws<IoError>([&] { (void)load_network(folder / "changed"); }, "changed", "SHA-256"));
+    EXPECT_NO_THROW((void)load_network(folder / "changed", NetworkTrust::any));
+}
+
+TEST(ParseNetwork, EveryCutIsAnIoError)
+{
+    for (const char* name : files) {
+        const std::string bytes = content(models + "/" + name);
+        ASSERT_FALSE(bytes.empty()) << name;
+        for (std::size_t size = 0; size < bytes.size(); size += size < 200 ? 1 : bytes.size() / 50) {
+            EXPECT_TRUE(test::throws<IoError>(
+                [&] {
+                    (void)parse_network({bytes.data(), size}, "cut");
+                },
+                "cut"))
+                << size;
+        }
+    }
+}
+
+TEST(ParseNetwork, DamagedBytesAreReadOrRefusedWithoutHarm)
+{
+    Random random(5);
+    for (const char* name : files) {
+        const std::string bytes = content(models + "/" + name);
+        int refused = 0;
+        for (int trial = 0; trial < 60; ++trial) {
+            std::string damaged = bytes;
+            for (int k = 0; k < 40; ++k) { // the graph stands behind the constants
+                const double place = k % 2 == 0 ? 1.0 - 0.25 * random.uniform() : random.uniform();
+                damaged[static_cast<std::size_t>(place * static_cast<double>(bytes.size() - 1))] =
+                    static_cast<char>(256.0 * random.uniform());
+            }
+            try {
+                (void)parse_network(damaged, "damaged");
+            } catch (const IoError&) {
+                ++refused;
+            }
+        }
+        EXPECT_GT(refused, 0) << name;
+    }
+}
+
+TEST(Engine, XnnpackAndPlainEigenAgreeOnEveryOutput)
+{
+    for (const char* name : files) {
+        const Network network = load_network(models + "/" + name);
+        const std::unique_ptr<Engine> plain = make_plain_engine(network);
+        const std::unique_ptr<Engine> fast = make_xnnpack_engine(network);
+        if (fast == nullptr) {
+            GTEST_SKIP() << "built without XNNPACK";
+        }
+        for (const std::uint64_t seed : {1u, 2u}) {
+            Random random(seed);
+            for (std::size_t i = 0; i < plain->input().size(); ++i) {
+                plain->input()[i] = fast->input()[i] = static_cast<float>(random.uniform());
+            }
+            plain->run();
+            fast->run();
+            for (std::size_t k = 0; k < plain->num_outputs(); ++k) {
+                const auto as_vector = [](std::span<const float> values) {
+                    return Eigen::VectorXf(
+                        Eigen::Map<const Eigen::VectorXf>(values.data(), static_cast<Eigen::Index>(values.size())));
+                };
+                EXPECT_THAT(as_vector(fast->output(k)), test::IsNear(as_vector(plain->output(k)), 1e-3))
+                    << name << " output " << k << " seed " << seed;
+                EXPECT_GT(as_vector(plain->output(k)).norm(), 1e-3f);
+            }
+        }
+    }
+}
+
+} // namespace
+} // namespace lineament::network
