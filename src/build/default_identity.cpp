@@ -18,8 +18,8 @@ namespace lineament::build {
 
 namespace {
 
-/// Standard deviations of sliders that were calibrated: the spread of 17 distances between landmarks against published
-/// head measurements (docs/model.md). Names without the side.
+/// Standard deviations of sliders that were calibrated: the spread of 17 distances between landmarks against that in
+/// models of scanned people (docs/model.md). Names without the side.
 const std::map<std::string, double>& calibrated_standard_deviations()
 {
     static const std::map<std::string, double> table = {
