@@ -46,20 +46,26 @@ std::filesystem::path find_network_folder(const std::string& option)
                       "; set LINEAMENT_NETWORKS or give their folder");
 }
 
+// Written out instead of `require`, whose texts are allocated whether they are needed or not.
 void require_picture(const ImageU8& picture, const char* function)
 {
-    require(picture.channels == 3 || picture.empty(), function, "picture", "3 channels",
-            std::to_string(picture.channels));
-    require(picture.data.size() == static_cast<std::size_t>(picture.width) * picture.height * picture.channels,
-            function, "picture", "width * height * 3 values", std::to_string(picture.data.size()));
+    if (picture.channels != 3 && !picture.empty()) {
+        throw InvalidArgument(function, "picture", "3 channels", std::to_string(picture.channels));
+    }
+    if (picture.data.size() != static_cast<std::size_t>(picture.width) * picture.height * picture.channels) {
+        throw InvalidArgument(function, "picture", "width * height * 3 values", std::to_string(picture.data.size()));
+    }
 }
 
 void require_mesh(const Eigen::Matrix3Xf& points, const char* function)
 {
-    require(points.cols() >= num_surface_points, function, "points", "at least 468 points",
-            std::to_string(points.cols()));
+    if (points.cols() < num_surface_points) {
+        throw InvalidArgument(function, "points", "at least 468 points", std::to_string(points.cols()));
+    }
     require_finite(points.topLeftCorner<2, num_surface_points>(), function, "points");
-    require(window_of(points).side > 0.0, function, "points", "points at different places", "all of them at one");
+    if (!(window_of(points).side > 0.0)) {
+        throw InvalidArgument(function, "points", "points at different places", "all of them at one");
+    }
 }
 
 Eigen::AlignedBox2d box_around(const Eigen::Ref<const Eigen::Matrix3Xf>& points)
@@ -259,7 +265,9 @@ bool MeshDetector::follow_in_place(const ImageU8& picture, MeshFace& face)
 {
     const char* const function = "MeshDetector::follow";
     require_picture(picture, function);
-    require(!picture.empty(), function, "picture", "a picture", "an empty one");
+    if (picture.empty()) {
+        throw InvalidArgument(function, "picture", "a picture", "an empty one");
+    }
     require_mesh(face.points, function);
     if (!implementation_->follow(picture, face.points)) {
         return false;

@@ -90,10 +90,27 @@ public:
                 bytes_.fail(graph.place(), "an output that no operation computes");
             }
         }
+        drop_unused_constants();
         return std::move(network_);
     }
 
 private:
+    /// Of a DEQUANTIZE step its output is used, not its input.
+    void drop_unused_constants()
+    {
+        std::vector<char> used(network_.tensors.size(), 0);
+        for (const Step& step : network_.steps) {
+            for (const int input : step.inputs) {
+                used[input] = 1;
+            }
+        }
+        for (std::size_t i = 0; i < used.size(); ++i) {
+            if (used[i] == 0) {
+                std::vector<float>().swap(network_.tensors[i].values);
+            }
+        }
+    }
+
     void read_operation_codes(const FlatTable& model)
     {
         const FlatVector codes = model.vector(1, 4);

@@ -9,6 +9,29 @@
 #include <algorithm>
 #include <cmath>
 
+#include <atomic>
+#include <cstdlib>
+
+// Counts what every part of the process allocates, XNNPACK included; the sanitizers bring their own malloc.
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define LINEAMENT_COUNTS_ALLOCATIONS
+namespace {
+std::atomic<long> num_allocations = 0;
+}
+extern "C" void* __libc_malloc(std::size_t size);
+extern "C" void* __libc_memalign(std::size_t alignment, std::size_t size);
+extern "C" void* malloc(std::size_t size)
+{
+    ++num_allocations;
+    return __libc_malloc(size);
+}
+extern "C" void* aligned_alloc(std::size_t alignment, std::size_t size)
+{
+    ++num_allocations;
+    return __libc_memalign(alignment, size);
+}
+#endif
+
 namespace lineament {
 namespace {
 
@@ -147,6 +170,28 @@ TEST(MeshDetector, FollowsARealFaceWithThePointsOfDetection)
         }
     }
 }
+
+#ifdef LINEAMENT_COUNTS_ALLOCATIONS
+TEST(MeshDetector, FollowingAllocatesNothingAfterTheFirstFrame)
+{
+    LINEAMENT_REQUIRE_REAL_DATA(clip);
+    const ImageU8 picture = real_picture();
+    std::vector<MeshFace> faces = detector().detect(picture, {.max_faces = 1});
+    ASSERT_EQ(faces.size(), 1u);
+    bool found = detector().follow_in_place(picture, faces[0]);
+    const long before = num_allocations;
+    for (int i = 0; i < 5; ++i) {
+        found = found && detector().follow_in_place(picture, faces[0]);
+    }
+    const long after = num_allocations;
+    EXPECT_TRUE(found);
+    EXPECT_EQ(after - before, 0);
+    // That the counter counts:
+    const std::optional<MeshFace> copy = detector().follow(picture, faces[0].landmarks);
+    EXPECT_TRUE(copy);
+    EXPECT_GT(num_allocations, after);
+}
+#endif
 
 TEST(Ibug68FromMediapipe, NamesTheInnerPointsAndTheChin)
 {

@@ -7,6 +7,8 @@
 #include "lineament/core/random.hpp"
 #include "support/matchers.hpp"
 
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -41,6 +43,23 @@ TEST(LoadNetwork, RefusesFilesThatAreMissingUnknownOrCut)
     std::ofstream(folder / "changed", std::ios::binary) << changed;
     EXPECT_TRUE(test::throws<IoError>([&] { (void)load_network(folder / "changed"); }, "changed", "SHA-256"));
     EXPECT_NO_THROW((void)load_network(folder / "changed", NetworkTrust::any));
+}
+
+TEST(Networks, AreThoseOfThePinnedPackages)
+{
+    // Where scripts/make-detector-models.sh has put the packages.
+    const char* const cache = std::getenv("XDG_CACHE_HOME");
+    const char* const home = std::getenv("HOME");
+    const std::string folder = cache != nullptr && *cache != '\0' ? cache : std::string(home ? home : "") + "/.cache";
+    const std::string packages = folder + "/lineament/npm/mediapipe-face_";
+    const std::string mesh = packages + "mesh-0.4.1633559619/face_mesh_solution_packed_assets.data";
+    if (!std::filesystem::exists(mesh)) {
+        GTEST_SKIP() << mesh << " not found (scripts/make-detector-models.sh fetches it)";
+    }
+    EXPECT_TRUE(content(models + "/" + files[2]) == content(mesh).substr(0, 2495952));
+    for (const char* file : {files[0], files[1]}) {
+        EXPECT_TRUE(content(models + "/" + file) == content(packages + "detection-0.4.1657300184/" + file)) << file;
+    }
 }
 
 TEST(ParseNetwork, EveryCutIsAnIoError)

@@ -43,7 +43,7 @@ struct MeshDetectionOptions
 ///
 /// Finds faces in profile too, but the points hold up to about 65 degrees of yaw only. Pictures are sampled at 128 x
 /// 128 or 192 x 192 points, so that time does not depend on their size. Points are sub-pixel. Not thread-safe: one
-/// detector for each thread (28 MB each). Same picture, same answer.
+/// detector for each thread (34 MB each). Same picture, same answer.
 ///
 /// @par Reference  Bazarevsky et al., BlazeFace: Sub-millisecond Neural Face Detection on Mobile GPUs, CVPR Workshop
 ///                 2019; Kartynnik et al., Real-time Facial Surface Geometry from Monocular Video on Mobile GPUs, CVPR
