@@ -443,6 +443,28 @@ TEST(ModelFile, LevelsOfAModelCanBeSavedAlone)
     EXPECT_EQ(coarse.num_vertices(), model.levels[0].num_vertices);
 }
 
+TEST(ModelFile, TheShippedModelIsWrittenAgainToTheSameBytes)
+{
+    const std::string path = std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors";
+    const ModelFile loaded = load_model_file(path);
+    EXPECT_THAT(loaded.warnings, testing::IsEmpty());
+    EXPECT_EQ(format_model(loaded.model, loaded.storage), read_file(path));
+}
+
+TEST(ModelFile, RandomFlipsInTheShippedModelAreDetected)
+{
+    Bytes file = read_file(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
+    Random random(11);
+    for (int draw = 0; draw < 200; ++draw) {
+        const auto bit = static_cast<std::size_t>(random.uniform() * 8.0 * static_cast<double>(file.size()));
+        const auto mask = static_cast<std::byte>(1 << (bit % 8));
+        file[bit / 8] ^= mask;
+        EXPECT_THROW((void)parse_model(file, "m"), IoError) << "bit " << bit;
+        file[bit / 8] ^= mask;
+    }
+    EXPECT_NO_THROW((void)parse_model(file, "m"));
+}
+
 TEST(DefaultModelPath, TheEnvironmentVariableComesFirst)
 {
     const TemporaryFolder folder;
