@@ -40,7 +40,7 @@ LandmarkSet landmarks_at(double yaw_deg)
     camera.camera_from_model = rotation_from_angles({radians(yaw_deg), radians(5), 0});
     camera.scale_px_per_mm = 1.2;
     camera.principal_point_px = {320, 240};
-    return test::project_landmarks(face_model(), "ibug68", 0.7 * test::random_normal(random, 20), {}, camera, 1.5,
+    return test::project_landmarks(face_model(), "ibug68", 0.7 * test::random_normal(random, 10), {}, camera, 1.5,
                                    random);
 }
 

@@ -6,6 +6,7 @@
 #include "support/synthetic_face.hpp"
 
 #include <algorithm>
+#include <limits>
 
 namespace lineament {
 namespace {
@@ -50,6 +51,7 @@ TEST(FaceFitter, RecoversThePlantedFaceWithoutNoise)
     Random random(31);
     FitOptions options = fixed_points();
     options.regularization = 1e-9;
+    options.expression_sigma = std::numeric_limits<double>::infinity();
     options.iterations = 3000; // alternating steps converge linearly
     for (int trial = 0; trial < 3; ++trial) {
         const Planted planted = plant(random, 0.0);
@@ -217,6 +219,36 @@ TEST(FaceFitter, BrokenInputThrowsNamingTheLandmark)
     options = {};
     options.num_shape_coefficients = 99;
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(model(), "ibug68", options); }, "at most 12"));
+}
+
+TEST(FaceFitter, ABlendshapeTheLandmarksHardlySeeStaysSmall)
+{
+    // A blendshape of 10 mm somewhere on the forehead that moves the landmarks by micrometres.
+    MorphableModel face = model();
+    Blendshapes& set = face.expression_sets[0];
+    set.offsets.col(1) *= 1e-4f / set.offsets.col(1).cwiseAbs().maxCoeff();
+    for (int v = 0; v < 30; ++v) {
+        const bool is_landmark = (face.landmark_maps[0].vertices.row(0).array() == v).any();
+        set.offsets(3 * v + 2, 1) = is_landmark ? set.offsets(3 * v + 2, 1) : 10.0f;
+    }
+    Random random(44);
+    const Planted planted = plant(random, 1.0);
+    const Eigen::Vector2d centre = planted.camera.principal_point_px;
+    FitOptions options = fixed_points();
+    const FitResult fit = fit_face(face, planted.landmarks, centre, options);
+    EXPECT_EQ(fit.status, FitStatus::success) << fit.reason;
+    EXPECT_LE(fit.expression_coefficients[1], 0.1);
+    // The twin: without the prior the bound holds it, and the status says so.
+    options.expression_sigma = std::numeric_limits<double>::infinity();
+    bool was_held = false;
+    for (int trial = 0; trial < 10; ++trial) {
+        const FitResult held = fit_face(face, plant(random, 1.0).landmarks, centre, options);
+        EXPECT_LE(held.expression_coefficients.maxCoeff(), options.max_expression);
+        EXPECT_EQ(held.status == FitStatus::implausible,
+                  held.expression_coefficients.maxCoeff() >= options.max_expression);
+        was_held = was_held || held.status == FitStatus::implausible;
+    }
+    EXPECT_TRUE(was_held);
 }
 
 TEST(FaceFitter, FixedIdentityIsLeftAlone)

@@ -62,7 +62,7 @@ TEST(FitFrames, ThePriorCountsOnceOrOnceAFrame)
     const Eigen::VectorXd ten = fit_frames(model(), frames, centre).shape_coefficients;
     EXPECT_THAT(ten, Not(IsNear(one, 0.05)));
     FitOptions tenth;
-    tenth.regularization = 0.1;
+    tenth.regularization = 0.1; // the expressions' prior is each frame's own
     EXPECT_THAT(ten, IsNear(fit_face(model(), planted.landmarks, centre, tenth).shape_coefficients, 1e-6));
 }
 

@@ -27,6 +27,7 @@ struct ExpressionResult
     FitStatus status = FitStatus::too_few_correspondences; ///< success, not_converged or too_few_correspondences.
     std::string reason = {};
     Eigen::VectorXd coefficients = {}; ///< k, psi >= 0.
+    int num_at_upper_bound = 0;
     int iterations = 0;
 };
 
@@ -36,7 +37,8 @@ struct ExpressionResult
 ///   (6)
 ///
 /// with x_i(a) the projection of the neutral face and J_i = s R_2 (under perspective: the camera's Jacobian at
-/// `linearization`). A blendshape the points cannot see, or cannot tell from the others, stays 0.
+/// `linearization`). A blendshape the points cannot see at all, or cannot tell from the others, stays 0; one they
+/// hardly see is noise divided by next to nothing, and needs the prior or the bound.
 ///
 /// @param weights        N, inverse variances [1/px^2]; empty: all 1.
 /// @param linearization  psi at which a perspective camera is linearised.
@@ -91,6 +93,7 @@ fit_expression(const ModelPoints& points, const Eigen::Ref<const Eigen::Matrix2X
         result.coefficients, options.max_iterations);
     result.status = solved.status;
     result.coefficients = solved.solution;
+    result.num_at_upper_bound = static_cast<int>((solved.solution.array() >= options.upper_bound).count());
     result.iterations = solved.iterations;
     if (solved.status != FitStatus::success) {
         result.reason = "the non-negative least squares did not settle in " + std::to_string(options.max_iterations) +

@@ -41,14 +41,18 @@ struct FitOptions
     double landmark_sigma_mm = 2.0; ///< Of inner landmarks, > 0.
     double contour_sigma_mm = 4.0;  ///< Of outline landmarks, > 0.
     NoiseUnits noise_units = NoiseUnits::model;
-    double pixel_variance = 3.0; ///< [px^2], > 0; with NoiseUnits::pixels only.
+    double pixel_variance = 3.0;   ///< [px^2], > 0; with NoiseUnits::pixels only.
+    double expression_sigma = 1.0; ///< Of each psi: a wide prior, > 0, against blendshapes the landmarks hardly see.
+                                   ///< Infinite: none, as in the thesis.
+    double max_expression = 3.0;   ///< Each psi is held at this, > 0; the status says so.
     ContourMode contour = ContourMode::both;
     ContourOptions contour_matching = {};
     std::string expression_set = "ekman6";                    ///< Of the model; empty: no expressions.
     std::optional<int> num_shape_coefficients = std::nullopt; ///< Leading components to fit; empty: all m.
     std::optional<double> focal_length_px = std::nullopt;     ///< Known: perspective; empty: scaled orthographic.
 
-    /// The setting usual for this method in pixels: prior weight 30 at a noise variance of 3 px^2.
+    /// The setting usual for this method in pixels: prior weight 30 at a noise variance of 3 px^2, and no
+    /// prior on expressions.
     [[nodiscard]] static FitOptions published_prior();
 
     void check() const; ///< @throws InvalidArgument naming the member and the value.

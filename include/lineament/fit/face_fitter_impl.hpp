@@ -7,6 +7,7 @@
 #include "lineament/fit/frame_fit_impl.hpp"
 
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace lineament {
@@ -17,6 +18,7 @@ inline FitOptions FitOptions::published_prior()
     options.noise_units = NoiseUnits::pixels;
     options.pixel_variance = 3.0;
     options.regularization = 30.0;
+    options.expression_sigma = std::numeric_limits<double>::infinity();
     return options;
 }
 
@@ -36,6 +38,8 @@ inline void FitOptions::check() const
                 contour_matching.hysteresis_deg >= 0,
             "FitOptions", "contour_matching", "finite angles, hysteresis_deg >= 0",
             to_text(contour_matching.frontal_yaw_deg) + " and " + to_text(contour_matching.hysteresis_deg));
+    require(expression_sigma > 0, "FitOptions", "expression_sigma", "> 0", to_text(expression_sigma));
+    require(max_expression > 0, "FitOptions", "max_expression", "> 0", to_text(max_expression));
     require(num_shape_coefficients.value_or(0) >= 0, "FitOptions", "num_shape_coefficients", ">= 0",
             std::to_string(num_shape_coefficients.value_or(0)));
     require_positive(focal_length_px.value_or(1.0), "focal_length_px");

@@ -81,6 +81,7 @@ private:
     std::string reason_ = {};
     Camera camera_ = {};
     Eigen::VectorXd expression_coefficients_ = {};
+    int num_held_expressions_ = 0;
     FitTiming timing_ = {};
 };
 
@@ -217,8 +218,13 @@ inline void FrameFit::fit_expression(const Eigen::VectorXd& shape_coefficients)
     if (expression_coefficients_.size() == 0) {
         return;
     }
+    ExpressionOptions options;
+    options.upper_bound = fitter_.options().max_expression;
+    options.prior_standard_deviations =
+        Eigen::VectorXd::Constant(expression_coefficients_.size(), fitter_.options().expression_sigma);
     const ExpressionResult fitted = lineament::fit_expression(points_, image_points_, camera_, weights_,
-                                                              shape_coefficients, {}, expression_coefficients_);
+                                                              shape_coefficients, options, expression_coefficients_);
+    num_held_expressions_ = fitted.num_at_upper_bound;
     expression_coefficients_ = fitted.coefficients;
     note(fitted.status, fitted.reason);
 }
@@ -237,6 +243,11 @@ inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int
     FitResult result;
     result.status = status_;
     result.reason = reason_;
+    if (result.status == FitStatus::success && num_held_expressions_ > 0) {
+        result.status = FitStatus::implausible;
+        result.reason = std::to_string(num_held_expressions_) + " expression coefficients were held at " +
+                        to_text(fitter_.options().max_expression);
+    }
     result.camera = camera_;
     result.shape_coefficients = shape_coefficients;
     if (const Blendshapes* expressions = fitter_.expressions()) {
@@ -284,7 +295,8 @@ inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int
         }
     }
     result.rms_px = std::sqrt(sum / num_used);
-    result.chi_square += fitter_.options().regularization * shape_coefficients.squaredNorm();
+    result.chi_square += fitter_.options().regularization * shape_coefficients.squaredNorm() +
+                         (expression_coefficients_ / fitter_.options().expression_sigma).squaredNorm();
     result.degrees_of_freedom = 2 * num_used - 6;
     return result;
 }
