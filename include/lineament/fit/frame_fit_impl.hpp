@@ -69,6 +69,7 @@ private:
     std::vector<int> map_indices_ = {}; ///< Per landmark: its position in the map, or -1.
     std::vector<int> fixed_ = {};       ///< Landmarks tied to their map point.
     bool has_outline_ = false;
+    bool has_scale_ = false;
     ContourView view_ = ContourView::frontal;
     Eigen::Matrix3Xf shape_vertices_ = {};
 
@@ -122,8 +123,6 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
         shape_vertices_.resize(3, fitter.model().num_vertices());
     }
     set_points({});
-    const double scale = start != nullptr ? start->camera.scale_px_per_mm : 1.0;
-    camera_.scale_px_per_mm = std::isfinite(scale) && scale > 0 ? scale : 1.0;
     set_weights();
 }
 
@@ -204,6 +203,10 @@ inline bool FrameFit::estimate_pose(const Eigen::VectorXd& shape_coefficients)
         return false;
     }
     note(pose.status, pose.reason);
+    if (!has_scale_) { // the first pose gives the scale of the first weights
+        has_scale_ = true;
+        set_weights();
+    }
     return true;
 }
 
