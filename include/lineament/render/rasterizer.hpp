@@ -47,7 +47,7 @@ inline constexpr float empty_depth = std::numeric_limits<float>::infinity();
 /// @param triangles  3 x T, 0 <= index < V.
 /// @return Three images of width x height; empty ones if a side is 0.
 /// @throws InvalidArgument on an index out of range, a number that is not finite, or a bad camera or size.
-/// @par Cost  O(V + T + covered pixels); about 2 ms for 7,000 triangles and 512 x 512 pixels. Thread-safe.
+/// @par Cost  O(V + T + covered pixels); see bench/render_bench.cpp. Thread-safe.
 [[nodiscard]] Raster rasterize(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& triangles,
                                const Camera& camera, int width, int height, const RasterOptions& options = {});
 

@@ -30,6 +30,13 @@ inline void ShadingOptions::check() const
 
 namespace detail {
 
+inline float to_power_28(float x)
+{
+    const float x4 = x * x * x * x;
+    const float x8 = x4 * x4;
+    return x8 * x8 * x8 * x4;
+}
+
 /// Light that reaches the eye from a matt, faintly glossy surface in a small studio, in camera space (x right, y down,
 /// z forward): a warm key light from the upper left, a cool fill from the right, a rim light from behind, and a sky
 /// brighter than the floor. The diffuse terms are wrapped around the terminator, as large lamps do.
@@ -55,7 +62,7 @@ public:
             diffuse += hidden * cosine * lamp.light;
             const float half = normal.dot((lamp.direction + to_eye).normalized());
             if (half > 0) {
-                gloss += hidden * std::pow(half, 28.0f) * lamp.gloss * lamp.light;
+                gloss += hidden * lamp.gloss * to_power_28(half) * lamp.light;
             }
         }
         const float facing = std::clamp(normal.dot(to_eye), 0.0f, 1.0f);
@@ -87,15 +94,23 @@ inline float screen_space_openness(const ImageF& depth, int column, int row, con
 {
     constexpr int num_directions = 10;
     constexpr int num_rings = 2;
+    static const std::array<Eigen::Vector2f, num_directions* num_rings> directions = [] {
+        std::array<Eigen::Vector2f, num_directions * num_rings> values;
+        for (int i = 0; i < num_directions * num_rings; ++i) { // the second ring is turned by half a step
+            const float step = static_cast<float>(i) + (i < num_directions ? 0.5f : 1.0f);
+            const float angle = 2.0f * std::numbers::pi_v<float> * step / num_directions;
+            values[i] = Eigen::Vector2f(std::cos(angle), std::sin(angle));
+        }
+        return values;
+    }();
     const float center = depth.at(column, row);
     float hidden = 0.0f;
     for (int ring = 1; ring <= num_rings; ++ring) {
         const float reach_px = std::clamp(radius_mm * static_cast<float>(ring) / (num_rings * mm_per_px), 1.0f, 400.0f);
         for (int i = 0; i < num_directions; ++i) {
-            const float angle = 2.0f * std::numbers::pi_v<float> *
-                                (static_cast<float>(i) + 0.5f * static_cast<float>(ring)) / num_directions;
-            const int other_column = column + static_cast<int>(std::lround(reach_px * std::cos(angle)));
-            const int other_row = row + static_cast<int>(std::lround(reach_px * std::sin(angle)));
+            const Eigen::Vector2f& direction = directions[num_directions * (ring - 1) + i];
+            const int other_column = static_cast<int>(static_cast<float>(column) + 0.5f + reach_px * direction.x());
+            const int other_row = static_cast<int>(static_cast<float>(row) + 0.5f + reach_px * direction.y());
             if (!depth.contains(other_column, other_row) || depth.at(other_column, other_row) == empty_depth) {
                 continue;
             }
