@@ -119,7 +119,28 @@ TEST(CompleteTexture, BadlySeenTexelsAreReplaced)
     map.color.at(5, 5, 0) = 255;
     EXPECT_EQ(complete_texture(map).color.at(5, 5, 0), 60);
     EXPECT_EQ(origin_of(complete_texture(map), 5, 5), TexelOrigin::mirrored);
-    EXPECT_EQ(complete_texture(map, {.min_weight = 0}).color.at(5, 5, 0), 255);
+    EXPECT_EQ(complete_texture(map, {.min_relative_weight = 0}).color.at(5, 5, 0), 255);
+}
+
+TEST(CompleteTexture, OnlyTheRatioOfWeightsCounts)
+{
+    // A small face seen by few pixels, and many frames fused: the same texture, whatever the weights add up to.
+    Random random(32);
+    TextureMap map = make_map(32);
+    for (std::size_t i = 0; i < map.weight.data.size(); ++i) {
+        map.weight.data[i] = static_cast<float>(std::max(0.0, random.uniform(-0.3, 1)));
+        map.color.data[3 * i] = static_cast<std::uint8_t>(random.index(256));
+    }
+    const CompletedTexture completed = complete_texture(map);
+    EXPECT_GT(std::count(completed.origin.data.begin(), completed.origin.data.end(), 0), 500);
+    for (const float factor : {1.0f / 1024, 256.0f}) {
+        TextureMap scaled = map;
+        for (float& weight : scaled.weight.data) {
+            weight *= factor;
+        }
+        EXPECT_EQ(complete_texture(scaled).color, completed.color);
+        EXPECT_EQ(complete_texture(scaled).origin, completed.origin);
+    }
 }
 
 TEST(CompleteTexture, NothingSeenBecomesMidGrey)
@@ -133,7 +154,8 @@ TEST(CompleteTexture, NothingSeenBecomesMidGrey)
 TEST(CompleteTexture, RefusesBrokenContracts)
 {
     TextureMap map = make_map(8);
-    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)complete_texture(map, {.min_weight = NAN}); }, "min_weight"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)complete_texture(map, {.min_relative_weight = NAN}); },
+                                        "min_relative_weight"));
     map.weight = ImageF(7, 8, 1);
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)complete_texture(map); }, "map.weight"));
     map = make_map(8);

@@ -6,7 +6,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <iterator>
+#include <vector>
 
 namespace lineament {
 
@@ -27,7 +30,10 @@ enum class Mirroring
 struct CompletionOptions
 {
     Mirroring mirroring = Mirroring::flip_u;
-    double min_weight = 0.1; ///< Texels seen worse than this are replaced too; in [0, 1]. 0: only holes.
+    /// Texels with less than this share of the median weight of the seen ones are replaced too: at grazing angles a
+    /// picture shows more of what lies beside the face than of it. In [0, 1]; 0: only holes. Relative, because weights
+    /// are small all over where the picture is coarser than the map, and large where many frames were fused.
+    double min_relative_weight = 0.25;
 
     void check() const; ///< @throws InvalidArgument naming the member and the value.
 };
@@ -53,8 +59,8 @@ struct CompletedTexture
 
 inline void CompletionOptions::check() const
 {
-    require(min_weight >= 0 && min_weight <= 1, "CompletionOptions", "min_weight", "a number in [0, 1]",
-            to_text(min_weight));
+    require(min_relative_weight >= 0 && min_relative_weight <= 1, "CompletionOptions", "min_relative_weight",
+            "a number in [0, 1]", to_text(min_relative_weight));
 }
 
 inline ImageF diffuse(const ImageF& values, const ImageF& weights)
@@ -103,6 +109,23 @@ inline ImageF diffuse(const ImageF& values, const ImageF& weights)
     return filled;
 }
 
+namespace detail {
+
+/// The median of the values > 0, or 0 without any.
+inline float median_positive(const ImageF& image)
+{
+    std::vector<float> values;
+    std::copy_if(image.data.begin(), image.data.end(), std::back_inserter(values), [](float v) { return v > 0; });
+    if (values.empty()) {
+        return 0.0f;
+    }
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+} // namespace detail
+
 inline CompletedTexture complete_texture(const TextureMap& map, const CompletionOptions& options)
 {
     const char* const function = "complete_texture";
@@ -115,7 +138,7 @@ inline CompletedTexture complete_texture(const TextureMap& map, const Completion
             std::to_string(width) + " x " + std::to_string(height),
             std::to_string(map.weight.width) + " x " + std::to_string(map.weight.height));
     CompletedTexture completed{map.color, Image<std::uint8_t>(width, height, 1)};
-    const auto min_weight = static_cast<float>(options.min_weight);
+    const float min_weight = static_cast<float>(options.min_relative_weight) * detail::median_positive(map.weight);
     const auto is_seen = [&](int column, int row) {
         const float weight = map.weight.at(column, row);
         return weight > 0 && weight >= min_weight;
