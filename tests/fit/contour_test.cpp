@@ -7,6 +7,7 @@
 #include "support/synthetic_face.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -135,6 +136,22 @@ TEST(ContourModel, HiddenVerticesAreThoseARayFinds)
     }
     EXPECT_GE(num_hidden, 5);
     EXPECT_GE(num_agreed, 0.93 * num_all); // the rest lies within a cell of the occluder's outline
+}
+
+TEST(ContourModel, ReadsOnlyTheVerticesItNames)
+{
+    const ContourModel contour(model());
+    Eigen::Matrix3Xf partial =
+        Eigen::Matrix3Xf::Constant(3, model().num_vertices(), std::numeric_limits<float>::quiet_NaN());
+    const Eigen::Index count = contour.num_occluder_vertices();
+    partial.leftCols(count) = mean_vertices().leftCols(count);
+    for (const int vertex : contour.region_vertices(FaceSide::left)) {
+        partial.col(vertex) = mean_vertices().col(vertex);
+    }
+    EXPECT_LT(count + static_cast<Eigen::Index>(contour.region_vertices(FaceSide::left).size()),
+              model().num_vertices());
+    EXPECT_EQ(contour.silhouette_vertices(partial, camera_at(40), FaceSide::left),
+              contour.silhouette_vertices(mean_vertices(), camera_at(40), FaceSide::left));
 }
 
 TEST(ContourModel, MirroredPoseGivesTheMirroredSilhouette)

@@ -79,6 +79,11 @@ public:
     /// Candidate vertices of a side, ear to chin.
     [[nodiscard]] const std::vector<int>& candidates(FaceSide side) const;
 
+    /// The vertices read by silhouette_vertices: the leading `num_occluder_vertices()` (the coarsest level), and these
+    /// of a side, ascending.
+    [[nodiscard]] const std::vector<int>& region_vertices(FaceSide side) const { return side_of(side).vertices; }
+    [[nodiscard]] Eigen::Index num_occluder_vertices() const { return num_occluder_vertices_; }
+
     /// Vertices on the silhouette of a side and not hidden by the rest of the head, ascending.
     ///
     /// An edge is on the silhouette if one of its triangles faces the camera and the other does not. Hidden means: the
@@ -98,12 +103,15 @@ private:
     {
         std::vector<int> candidates = {};
         std::vector<Edge> edges = {};
+        std::vector<int> triangles = {}; ///< At the edges, ascending, into triangles_.
+        std::vector<int> vertices = {};  ///< Of these, without the occluders', ascending.
     };
 
     void add_edges(const MorphableModel& model);
     [[nodiscard]] const Side& side_of(FaceSide side) const { return side == FaceSide::left ? left_ : right_; }
 
     Eigen::Index num_vertices_ = 0;
+    Eigen::Index num_occluder_vertices_ = 0;
     Eigen::Matrix3Xi triangles_ = {}; ///< Finest level.
     Eigen::Matrix3Xi occluders_ = {}; ///< Coarsest level.
     Side left_ = {};
@@ -122,7 +130,8 @@ private:
 /// On a side that faces the camera each landmark takes the nearest projected candidate; on the side turned away
 /// silhouette vertices and landmarks are matched by `occluding_match`. Landmarks of confidence 0 are left out.
 ///
-/// @param shape_vertices  3 x V, mm. In a frontal view, or with the occluding side ignored, only candidates are read.
+/// @param shape_vertices  3 x V, mm. In a frontal view, or with the occluding side ignored, only candidates are read;
+///                        otherwise these and the vertices ContourModel names for the side turned away.
 /// @param before          The view of the round before; `frontal` at first.
 /// @throws InvalidArgument if shape_vertices has another size.
 /// @par Cost  One pass over the region's triangles and the coarsest level's; no ray is cast.

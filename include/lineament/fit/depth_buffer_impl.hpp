@@ -16,24 +16,14 @@ class DepthBuffer
 public:
     /// @param seen       3 x V: x, y and depth (larger is farther), of which only vertices of triangles are read.
     /// @param triangles  3 x T; those that face away are drawn too, so orientation does not matter.
-    DepthBuffer(const Eigen::Matrix3Xf& seen, const Eigen::Matrix3Xi& triangles, float cell_size)
-        : inverse_cell_(1.0f / cell_size)
+    /// @param low, high  The box of the image plane that is kept.
+    DepthBuffer(const Eigen::Matrix3Xf& seen, const Eigen::Matrix3Xi& triangles, const Eigen::Vector2f& low,
+                const Eigen::Vector2f& high, float cell_size)
+        : inverse_cell_(1.0f / cell_size), origin_(low)
     {
-        Eigen::Vector2f low = Eigen::Vector2f::Constant(std::numeric_limits<float>::infinity());
-        Eigen::Vector2f high = -low;
-        for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
-            for (int corner = 0; corner < 3; ++corner) {
-                low = low.cwiseMin(seen.col(triangles(corner, t)).head<2>());
-                high = high.cwiseMax(seen.col(triangles(corner, t)).head<2>());
-            }
-        }
-        if (!(low.x() <= high.x())) {
-            return;
-        }
-        origin_ = low;
         // A face is some 250 mm wide; the limit keeps the buffer small whatever the shape.
-        columns_ = std::min(static_cast<int>((high.x() - low.x()) * inverse_cell_) + 1, 1024);
-        rows_ = std::min(static_cast<int>((high.y() - low.y()) * inverse_cell_) + 1, 1024);
+        columns_ = static_cast<int>(std::min((high.x() - low.x()) * inverse_cell_ + 1, 1024.0f));
+        rows_ = static_cast<int>(std::min((high.y() - low.y()) * inverse_cell_ + 1, 1024.0f));
         depths_ = Eigen::MatrixXf::Constant(columns_, rows_, std::numeric_limits<float>::infinity());
         for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
             draw(to_cells(seen.col(triangles(0, t))), to_cells(seen.col(triangles(1, t))),
@@ -62,10 +52,13 @@ private:
         if (area == 0) {
             return;
         }
-        const int left = std::max(static_cast<int>(std::min({a.x(), b.x(), c.x()}) + 0.5f), 0);
-        const int right = std::min(static_cast<int>(std::max({a.x(), b.x(), c.x()}) + 0.5f), columns_);
-        const int top = std::max(static_cast<int>(std::min({a.y(), b.y(), c.y()}) + 0.5f), 0);
-        const int bottom = std::min(static_cast<int>(std::max({a.y(), b.y(), c.y()}) + 0.5f), rows_);
+        const auto to_cell = [](float value, int count) { // clipped before it becomes an int
+            return static_cast<int>(std::clamp(value + 0.5f, 0.0f, static_cast<float>(count)));
+        };
+        const int left = to_cell(std::min({a.x(), b.x(), c.x()}), columns_);
+        const int right = to_cell(std::max({a.x(), b.x(), c.x()}), columns_);
+        const int top = to_cell(std::min({a.y(), b.y(), c.y()}), rows_);
+        const int bottom = to_cell(std::max({a.y(), b.y(), c.y()}), rows_);
         const float inverse_area = 1.0f / area;
         for (int row = top; row < bottom; ++row) {
             for (int column = left; column < right; ++column) {
@@ -82,7 +75,7 @@ private:
     }
 
     float inverse_cell_;
-    Eigen::Vector2f origin_ = Eigen::Vector2f::Zero();
+    Eigen::Vector2f origin_;
     int columns_ = 0;
     int rows_ = 0;
     Eigen::MatrixXf depths_ = {};

@@ -62,8 +62,9 @@ struct FitOptions
 ///
 ///   pose on the start shape -> expression -> iterations x (contour matches -> pose -> identity -> expression)
 ///
-/// Landmark rows of the model are packed once; inside the loop only those are touched, and whole vertices only for the
-/// outline of a side turned away. `const` members may run in several threads at once. Same input, same bits.
+/// Landmark rows of the model are packed once; inside the loop only those are touched, and for the outline of a side
+/// turned away the vertices of that side and of the coarsest level. `const` members may run in several threads at once.
+/// Same input, same bits.
 /// @par Reference  Huber, Real-time 3D Morphable Shape Model Fitting to Monocular In-the-wild Videos, PhD thesis,
 ///                 University of Surrey 2017, chapter 4.                                     docs/maths.md, section 7
 class FaceFitter
@@ -103,7 +104,7 @@ public:
     [[nodiscard]] const ModelPoints& landmark_points() const { return landmark_points_; }
     [[nodiscard]] const std::optional<ContourModel>& contour() const { return contour_; }
 
-    /// S(a, psi) in float at every vertex, or only at the candidates of both sides (the others are left as they are).
+    /// S(a, psi) in float at the vertices that match_contour reads in this view; the others are left as they are.
     void update_shape(const Eigen::VectorXd& shape_coefficients, const Eigen::VectorXd& expression_coefficients,
                       ContourView view, Eigen::Matrix3Xf& shape_vertices) const;
 

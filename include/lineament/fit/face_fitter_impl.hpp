@@ -77,21 +77,24 @@ inline void FaceFitter::update_shape(const Eigen::VectorXd& shape_coefficients,
 {
     const Eigen::VectorXf alpha = shape_coefficients.cast<float>();
     const Eigen::VectorXf psi = expression_coefficients.cast<float>();
-    if (view == ContourView::frontal) { // only the candidates are read
-        for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
-            for (const int vertex : contour_->candidates(side)) {
-                const Eigen::Index column = 3 * static_cast<Eigen::Index>(vertex);
-                shape_vertices.col(vertex) = model_.shape.mean.segment<3>(column);
-                shape_vertices.col(vertex).noalias() += identity_rows_.middleCols<3>(column).transpose() * alpha;
-                shape_vertices.col(vertex).noalias() += expression_rows_.middleCols<3>(column).transpose() * psi;
-            }
+    const auto update_each = [&](const std::vector<int>& vertices) {
+        for (const int vertex : vertices) {
+            const Eigen::Index column = 3 * static_cast<Eigen::Index>(vertex);
+            shape_vertices.col(vertex) = model_.shape.mean.segment<3>(column);
+            shape_vertices.col(vertex).noalias() += identity_rows_.middleCols<3>(column).transpose() * alpha;
+            shape_vertices.col(vertex).noalias() += expression_rows_.middleCols<3>(column).transpose() * psi;
         }
-        return;
+    };
+    if (view != ContourView::frontal) {
+        const Eigen::Index size = 3 * contour_->num_occluder_vertices();
+        Eigen::Map<Eigen::VectorXf> leading(shape_vertices.data(), size);
+        leading = model_.shape.mean.head(size);
+        leading.noalias() += identity_rows_.leftCols(size).transpose() * alpha;
+        leading.noalias() += expression_rows_.leftCols(size).transpose() * psi;
+        update_each(contour_->region_vertices(view == ContourView::shows_right ? FaceSide::left : FaceSide::right));
     }
-    Eigen::Map<Eigen::VectorXf> stacked(shape_vertices.data(), shape_vertices.size());
-    stacked = model_.shape.mean;
-    stacked.noalias() += identity_rows_.transpose() * alpha;
-    stacked.noalias() += expression_rows_.transpose() * psi;
+    update_each(contour_->candidates(FaceSide::left));
+    update_each(contour_->candidates(FaceSide::right));
 }
 
 inline void FaceFitter::assign_vertex(ModelPoints& points, Eigen::Index to, int vertex) const

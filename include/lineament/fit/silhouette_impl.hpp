@@ -10,14 +10,26 @@
 #include <limits>
 #include <map>
 #include <utility>
+#include <vector>
 
 namespace lineament {
+
+namespace detail {
+
+inline void sort_unique(std::vector<int>& values)
+{
+    std::sort(values.begin(), values.end());
+    values.erase(std::unique(values.begin(), values.end()), values.end());
+}
+
+} // namespace detail
 
 inline ContourModel::ContourModel(const MorphableModel& model) : num_vertices_(model.num_vertices())
 {
     require(!model.levels.empty(), "ContourModel", "model.levels", "at least one level", "none");
     triangles_ = model.levels.back().triangles;
     occluders_ = model.levels.front().triangles;
+    num_occluder_vertices_ = model.levels.front().num_vertices;
     left_.candidates = model.contour_left;
     right_.candidates = model.contour_right;
     add_edges(model);
@@ -76,8 +88,20 @@ inline void ContourModel::add_edges(const MorphableModel& model)
             const float sign = side == &left_ ? 1.0f : -1.0f;
             if (sign * mean(0, ends.first) > 0 && sign * mean(0, ends.second) > 0) {
                 side->edges.push_back(edge);
+                side->triangles.insert(side->triangles.end(), edge.triangles.begin(), edge.triangles.end());
             }
         }
+    }
+    for (Side* side : {&left_, &right_}) {
+        detail::sort_unique(side->triangles);
+        for (const int triangle : side->triangles) {
+            for (int corner = 0; corner < 3; ++corner) {
+                if (triangles_(corner, triangle) >= num_occluder_vertices_) {
+                    side->vertices.push_back(triangles_(corner, triangle));
+                }
+            }
+        }
+        detail::sort_unique(side->vertices);
     }
 }
 
@@ -87,14 +111,21 @@ inline std::vector<int> ContourModel::silhouette_vertices(const Eigen::Ref<const
 {
     require_size(shape_vertices.cols(), num_vertices_, "ContourModel::silhouette_vertices", "shape_vertices");
     const Side& side = side_of(side_name);
-    // Where each vertex is seen, in mm at the origin's depth, and its depth.
+    // Where each vertex that matters is seen, in mm at the origin's depth, and its depth.
     const Eigen::Matrix3f rotation = camera.camera_from_model.cast<float>();
-    Eigen::Matrix3Xf seen = rotation * shape_vertices;
-    if (camera.phi_per_mm > 0) {
-        const Eigen::Vector2f translation = camera.translation_mm.cast<float>();
-        const float phi = static_cast<float>(camera.phi_per_mm);
-        seen.topRows<2>().colwise() += translation;
-        seen.topRows<2>().array().rowwise() /= 1.0f + phi * seen.row(2).array();
+    const Eigen::Vector2f translation = camera.translation_mm.cast<float>();
+    const float phi = static_cast<float>(camera.phi_per_mm);
+    Eigen::Matrix3Xf seen(3, num_vertices_);
+    const auto see = [&](Eigen::Index vertex) {
+        Eigen::Vector3f point = rotation * shape_vertices.col(vertex);
+        point.head<2>() = (point.head<2>() + translation) / (1.0f + phi * point.z());
+        seen.col(vertex) = point;
+    };
+    for (Eigen::Index vertex = 0; vertex < num_occluder_vertices_; ++vertex) {
+        see(vertex);
+    }
+    for (const int vertex : side.vertices) {
+        see(vertex);
     }
     const auto faces_camera = [&](int triangle) {
         const Eigen::Vector3f a = seen.col(triangles_(0, triangle));
@@ -102,18 +133,27 @@ inline std::vector<int> ContourModel::silhouette_vertices(const Eigen::Ref<const
         const Eigen::Vector3f c = seen.col(triangles_(2, triangle));
         return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x()) < 0; // y points down
     };
+    std::vector<char> is_facing(triangles_.cols());
+    for (const int triangle : side.triangles) {
+        is_facing[triangle] = faces_camera(triangle);
+    }
     std::vector<int> vertices;
     for (const Edge& edge : side.edges) {
-        if (faces_camera(edge.triangles[0]) != faces_camera(edge.triangles[1])) {
+        if (is_facing[edge.triangles[0]] != is_facing[edge.triangles[1]]) {
             vertices.insert(vertices.end(), edge.vertices.begin(), edge.vertices.end());
         }
     }
-    std::sort(vertices.begin(), vertices.end());
-    vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+    detail::sort_unique(vertices);
     if (vertices.empty()) {
         return vertices;
     }
-    const detail::DepthBuffer buffer(seen, occluders_, 2.0f);
+    Eigen::Vector2f low = seen.col(vertices.front()).head<2>(); // depths are asked for in this box only
+    Eigen::Vector2f high = low;
+    for (const int vertex : vertices) {
+        low = low.cwiseMin(seen.col(vertex).head<2>());
+        high = high.cwiseMax(seen.col(vertex).head<2>());
+    }
+    const detail::DepthBuffer buffer(seen, occluders_, low, high, 2.0f);
     const float depth_mm = static_cast<float>(occlusion_depth_mm);
     std::erase_if(vertices, [&](int vertex) {
         return buffer.depth_at(seen(0, vertex), seen(1, vertex)) < seen(2, vertex) - depth_mm;
