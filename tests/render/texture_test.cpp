@@ -103,6 +103,23 @@ TEST(ExtractTexture, PictureOfAFrontalPlaneComesBackUnchanged)
     }
 }
 
+TEST(ExtractTexture, SamplesAreRoundedNotTruncated)
+{
+    ImageU8 ramp(64, 64, 1);
+    for (int row = 0; row < 64; ++row) {
+        for (int column = 0; column < 64; ++column) {
+            ramp.at(column, row) = static_cast<std::uint8_t>(column);
+        }
+    }
+    const Mesh plane = make_plane(32, 32, 0);
+    Camera camera = centered_camera(64, 64, 1.0);
+    camera.translation_mm.x() = 0.75; // texel column i lies on pixel column 16.75 + i
+    const TextureMap map = extract_texture(TextureLayout(plane, 32), plane.vertices, plane.triangles, camera, ramp);
+    for (int column = 2; column < 30; ++column) {
+        EXPECT_EQ(map.color.at(column, 16, 0), 17 + column);
+    }
+}
+
 TEST(ExtractTexture, RenderedTextureComesBackWhereItIsSeen)
 {
     const Mesh sphere = make_sphere(80);
