@@ -50,6 +50,9 @@ LandmarkFile read_own(const JsonReader& root, const LandmarkFileOptions& options
         if (frame.set.scheme == "ibug68" && !is_ibug68_name(name)) {
             point.fail("the names \"1\" to \"68\" of the scheme ibug68, found the name " + in_quotes(name) + " with");
         }
+        if (name.empty()) {
+            point.fail("a named point, found the empty name with");
+        }
         if (point.size() != 2 && point.size() != 3) {
             point.fail("[x, y] or [x, y, confidence]");
         }

@@ -267,6 +267,8 @@ TEST(LandmarkFile, BrokenJsonIsRefusedWithItsPlace)
     EXPECT_EQ(parse(head + image + R"("points":{"1":[5,6]}})").frames[0].set.landmarks.size(), 1u);
     expect_refused(head + image + R"("points":{"69":[5,6]}})", "/points/69", "the name \"69\"");
     expect_refused(head + image + R"("points":{"01":[5,6]}})", "/points/01", "ibug68");
+    expect_refused(R"({"format":"lineament-landmarks","version":1,"scheme":"s",)" + image + R"("points":{"":[5,6]}})",
+                   "/points/", "empty name");
     expect_refused(head + image + R"("points":{"1":[5]}})", "/points/1", "[x, y]");
     expect_refused(head + image + R"("points":{"1":[5,"6"]}})", "/points/1/1", "a number");
     expect_refused(head + image + R"("points":{"1":[5,1e30]}})", "/points/1/1", "1e7");
