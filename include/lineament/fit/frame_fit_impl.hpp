@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
-#pragma once
+#include "lineament/fit/face_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_FRAME_FIT_IMPL_HPP
+#define LINEAMENT_FIT_FRAME_FIT_IMPL_HPP
 
 #include "lineament/fit/expression.hpp"
-#include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/pose.hpp"
 
 #include <algorithm>
@@ -305,3 +307,5 @@ inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int
 }
 
 } // namespace lineament::detail
+
+#endif
