@@ -7,7 +7,7 @@
 function(lineament_private_flags target)
     target_compile_features(${target} PRIVATE cxx_std_20)
     set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
-    # No fused contraction: the same bits from every compiler (docs/guarantees.md).
+    # No fused contraction: the same bits from every compiler.
     target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wno-sign-conversion
                                              # Wrong alarms of GCC 12 on std::string (bug 105651).
                                              $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>

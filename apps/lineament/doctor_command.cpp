@@ -6,6 +6,7 @@
 #include "lineament/core/version.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/mesh_detector.hpp"
 #include "lineament/vision/video_writer.hpp"
 
 #include <CLI/CLI.hpp>
@@ -25,16 +26,17 @@ namespace {
 struct Finding
 {
     std::string name;
-    std::string state; ///< "ok" or "missing".
+    std::string state; ///< "ok", "missing", or "absent": not there, and only needed by those who ask for it.
     std::string detail;
 };
 
-Finding check(const std::string& name, const std::function<std::string()>& probe)
+Finding check(const std::string& name, const std::function<std::string()>& probe,
+              const std::string& state_without = "missing")
 {
     try {
         return {name, "ok", probe()};
     } catch (...) {
-        return {name, "missing", current_failure().what()};
+        return {name, state_without, current_failure().what()};
     }
 }
 
@@ -46,11 +48,16 @@ std::string probe_model()
            std::to_string(model.shape.num_coefficients()) + " shape components; " + path.string();
 }
 
-std::string probe_detector()
+std::string probe_mesh_detector()
+{
+    const MeshDetector detector;
+    return "--detector mediapipe: 478 landmarks; networks Apache-2.0, free for every use";
+}
+
+std::string probe_dlib()
 {
     const FaceDetector detector;
-    return "dlib 68 landmarks; its trained model excludes commercial use (iBUG 300-W terms); --landmarks works without "
-           "it";
+    return "--detector dlib: 68 landmarks; its trained model excludes commercial use (iBUG 300-W terms)";
 }
 
 std::string probe_video_writer()
@@ -66,7 +73,8 @@ int run(bool as_json)
 {
     const std::vector<Finding> findings = {
         check("face model", probe_model),
-        check("face detector", probe_detector),
+        check("face detector", probe_mesh_detector),
+        check("dlib detector", probe_dlib, "absent"),
         check("video output", probe_video_writer),
     };
     bool all_there = true;
@@ -77,7 +85,7 @@ int run(bool as_json)
         print_data(std::string("lineament ") + version + "; opens no network connection");
     }
     for (const Finding& finding : findings) {
-        all_there = all_there && finding.state == "ok";
+        all_there = all_there && finding.state != "missing";
         json["findings"].push_back({{"name", finding.name}, {"state", finding.state}, {"detail", finding.detail}});
         if (!as_json) {
             print_data(printable(finding.state + std::string(9 - finding.state.size(), ' ') + finding.name +

@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "commands.hpp"
 #include "console.hpp"
+#include "face_finder.hpp"
 #include "fit_outputs.hpp"
+#include "fitters.hpp"
 #include "inputs.hpp"
 #include "model_options.hpp"
 
@@ -14,13 +16,11 @@
 #include "lineament/io/landmark_file.hpp"
 #include "lineament/report/fit_report.hpp"
 #include "lineament/report/overlay.hpp"
-#include "lineament/vision/face_detector.hpp"
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include <memory>
-#include <optional>
 
 namespace lineament::cli {
 
@@ -37,8 +37,7 @@ struct Options
     std::string pts_origin = "one";
     bool pts_headerless = false;
     std::string landmark_units = "pixels";
-    std::string detector = "dlib";
-    double min_face_px = 0.0;
+    FinderOptions finder;
     int face = 0;
     double max_megapixels = 64.0;
     bool json = false;
@@ -53,14 +52,13 @@ struct Session
 {
     const Options& options;
     MorphableModel model;
-    FaceFitter fitter;
+    Fitters fitters;
     TextureLayout layout;
-    std::optional<FaceDetector> detector;
+    FaceFinder finder;
 
     explicit Session(const Options& options_)
-        : options(options_), model(load_chosen_model(options_.model)),
-          fitter(model, "ibug68", fit_options(options_.model)),
-          layout(make_texture_layout(model, options_.files.texture_size))
+        : options(options_), model(load_chosen_model(options_.model)), fitters(model, options_.model),
+          layout(make_texture_layout(model, options_.files.texture_size)), finder(options_.finder)
     {}
 };
 
@@ -104,12 +102,7 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
             throw Failure(no_answer, file.string() + ": the file holds no face");
         }
     } else {
-        if (!session.detector) {
-            session.detector.emplace();
-        }
-        DetectionOptions detection;
-        detection.min_face_size_px = options.min_face_px;
-        for (DetectedFace& face : session.detector->detect(picture, detection)) {
+        for (FoundFace& face : session.finder.find(picture)) {
             sets.push_back(std::move(face.landmarks));
         }
         if (sets.empty()) {
@@ -125,6 +118,9 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
                                          " found (the largest is number 1)");
         }
         sets = {sets[static_cast<std::size_t>(options.face - 1)]};
+    }
+    for (LandmarkSet& set : sets) {
+        set = session.fitters.in_scheme_of_model(std::move(set));
     }
     return sets;
 }
@@ -157,7 +153,7 @@ void fit_picture(Session& session, const Job& job, Json& json)
     json["faces"] = Json::array();
     for (std::size_t i = 0; i < sets.size(); ++i) {
         const int id = options.face > 0 ? options.face : static_cast<int>(i) + 1;
-        const FitResult fit = session.fitter.fit(sets[i], principal_point);
+        const FitResult fit = session.fitters.for_scheme(sets[i].scheme).fit(sets[i], principal_point);
         file.method = fit.method;
         file.faces.push_back({id, fit, {}, {}});
         Json& face_json = json["faces"].emplace_back();
@@ -262,9 +258,7 @@ void add_fit_command(CLI::App& program, Action& action)
     command->add_option("--landmark-units", options->landmark_units, "What the numbers of landmark files mean.")
         ->check(CLI::IsMember({"pixels", "normalized"}))
         ->capture_default_str();
-    command
-        ->add_option("--min-face", options->min_face_px, "Smallest face searched [px]; 0: 80, and 40 if none is found.")
-        ->check(CLI::NonNegativeNumber);
+    add_finder_options(*command, options->finder);
     command->add_option("--face", options->face, "Only this face (1: the largest); default: all.")
         ->check(CLI::PositiveNumber);
     command->add_option("--max-megapixels", options->max_megapixels, "Larger pictures are refused.")

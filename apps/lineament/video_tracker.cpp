@@ -100,17 +100,19 @@ ImageU8 as_grey(const ImageF& weight)
 
 } // namespace
 
-/// What the first pass knows of a frame.
+/// What the first pass keeps of a frame: a few kB, since there may be a hundred thousand of them.
 struct VideoTracker::SeenFrame
 {
     double time_s = 0.0;
-    std::optional<DetectedFace> face = std::nullopt;
-    FitResult fit = {}; ///< Of this frame alone.
+    bool has_face = false;
+    double confidence = 0.0;
+    Eigen::Matrix2Xf points_px = {}; ///< Of the landmarks, whose names are the same in all frames.
+    FitResult fit = {};              ///< Of this frame alone, without its landmarks.
 };
 
 VideoTracker::VideoTracker(const TrackOptions& options)
-    : options_(options), model_(load_chosen_model(options.model)),
-      fitter_(model_, "ibug68", fit_options(options.model)), layout_(make_texture_layout(model_, options.texture_size))
+    : options_(options), model_(load_chosen_model(options.model)), fitters_(model_, options.model),
+      layout_(make_texture_layout(model_, options.texture_size)), finder_(options.finder)
 {}
 
 std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoInfo& info,
@@ -121,20 +123,26 @@ std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoIn
     const Eigen::Vector2d principal_point = center_of(info);
     ProgressBar bar("watch", static_cast<std::size_t>(std::max<std::int64_t>(info.num_frames, 0)));
     std::vector<SeenFrame> seen;
+    std::optional<FoundFace> face;
     while (std::optional<VideoFrame> frame = reader.next()) {
         SeenFrame now;
         now.time_s = frame->time_s;
-        if (!seen.empty() && seen.back().face) {
-            now.face = detector_.follow(frame->picture, seen.back().face->landmarks);
+        if (face) {
+            face = finder_.follow(frame->picture, *face);
         }
-        if (!now.face) {
-            std::vector<DetectedFace> faces = detector_.detect(frame->picture);
-            if (!faces.empty()) {
-                now.face = std::move(faces.front());
+        if (!face) {
+            face = finder_.find_one(frame->picture);
+        }
+        if (face) {
+            landmarks_ = fitters_.in_scheme_of_model(face->landmarks);
+            now.has_face = true;
+            now.confidence = face->confidence;
+            now.points_px.resize(2, static_cast<Eigen::Index>(landmarks_.landmarks.size()));
+            for (Eigen::Index i = 0; i < now.points_px.cols(); ++i) {
+                now.points_px.col(i) = landmarks_.landmarks[static_cast<std::size_t>(i)].point_px.cast<float>();
             }
-        }
-        if (now.face) {
-            now.fit = fitter_.fit(now.face->landmarks, principal_point);
+            now.fit = fitters_.for_scheme(landmarks_.scheme).fit(landmarks_, principal_point);
+            now.fit.landmarks = {};
         }
         seen.push_back(std::move(now));
         bar.show(seen.size());
@@ -146,27 +154,36 @@ std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoIn
     return seen;
 }
 
+LandmarkSet VideoTracker::landmarks_of(const SeenFrame& frame) const
+{
+    LandmarkSet set = landmarks_;
+    for (std::size_t i = 0; i < set.landmarks.size(); ++i) {
+        set.landmarks[i].point_px = frame.points_px.col(static_cast<Eigen::Index>(i)).cast<double>();
+    }
+    return set;
+}
+
 Eigen::VectorXd VideoTracker::fit_identity(const std::vector<SeenFrame>& seen,
-                                           const Eigen::Vector2d& principal_point_px) const
+                                           const Eigen::Vector2d& principal_point_px)
 {
     std::vector<FitResult> fits;
-    std::vector<LandmarkSet> landmarks;
+    std::vector<const SeenFrame*> fitted_frames;
     for (const SeenFrame& frame : seen) {
-        if (frame.face && frame.fit.status == FitStatus::success) {
+        if (frame.has_face && frame.fit.status == FitStatus::success) {
             fits.push_back(frame.fit);
-            landmarks.push_back(frame.face->landmarks);
+            fitted_frames.push_back(&frame);
         }
     }
     FrameSelectionOptions selection;
     selection.max_frames = options_.num_identity_frames;
     std::vector<LandmarkSet> chosen;
     for (const int index : select_spread_frames(fits, selection)) {
-        chosen.push_back(landmarks[static_cast<std::size_t>(index)]);
+        chosen.push_back(landmarks_of(*fitted_frames[static_cast<std::size_t>(index)]));
     }
     if (chosen.empty()) {
         throw Failure(no_answer, "no frame with a trustworthy fit");
     }
-    return fit_frames(fitter_, chosen, principal_point_px).shape_coefficients;
+    return fit_frames(fitters_.for_scheme(chosen.front().scheme), chosen, principal_point_px).shape_coefficients;
 }
 
 TrackSummary VideoTracker::track(const Job& job)
@@ -176,7 +193,7 @@ TrackSummary VideoTracker::track(const Job& job)
     std::optional<std::string> problem;
     const std::vector<SeenFrame> seen = watch(job, info, problem);
     const std::string name = job.input.string();
-    if (std::none_of(seen.begin(), seen.end(), [](const SeenFrame& frame) { return frame.face.has_value(); })) {
+    if (std::none_of(seen.begin(), seen.end(), [](const SeenFrame& frame) { return frame.has_face; })) {
         if (problem) {
             throw Failure(bad_input, name + ": " + *problem);
         }
@@ -210,12 +227,13 @@ TrackSummary VideoTracker::track(const Job& job)
                 break;
             }
             std::optional<FitResult> fit;
-            if (seen[i].face) {
-                fit = fitter_.fit_pose_and_expression(seen[i].face->landmarks, principal_point, identity,
-                                                      previous ? &*previous : nullptr);
+            if (seen[i].has_face) {
+                fit = fitters_.for_scheme(landmarks_.scheme)
+                          .fit_pose_and_expression(landmarks_of(seen[i]), principal_point, identity,
+                                                   previous ? &*previous : nullptr);
             }
             const bool is_drawn = fit && is_drawable(fit->status);
-            rows.push_back(make_row(i, seen[i].time_s, fit, seen[i].face ? seen[i].face->confidence : 0.0));
+            rows.push_back(make_row(i, seen[i].time_s, fit, seen[i].confidence));
             ++status_counts[rows.back().status];
             ImageU8 picture = std::move(frame->picture);
             if (is_drawn) {
@@ -267,7 +285,7 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
                                  TrackReport& report) const
 {
     const std::vector<TrackRow>& rows = report.rows;
-    const Blendshapes* expressions = fitter_.expressions();
+    const Blendshapes* expressions = model_.find_expression_set(options_.model.expression_set);
     const std::vector<std::string> expression_names =
         expressions != nullptr ? expressions->names : std::vector<std::string>{};
     save_frames_csv((job.output / "frames.csv").string(), rows, expression_names);

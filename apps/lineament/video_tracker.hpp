@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "face_finder.hpp"
+#include "fitters.hpp"
 #include "inputs.hpp"
 #include "model_options.hpp"
 
 #include "lineament/render/texture_fusion.hpp"
 #include "lineament/report/track_report.hpp"
-#include "lineament/vision/face_detector.hpp"
 #include "lineament/vision/video_reader.hpp"
 
 #include <cstdint>
@@ -21,6 +22,7 @@ namespace lineament::cli {
 struct TrackOptions
 {
     ModelOptions model;
+    FinderOptions finder;
     int num_identity_frames = 30;
     int texture_size = 512;
 };
@@ -50,8 +52,9 @@ private:
     struct SeenFrame;
 
     [[nodiscard]] std::vector<SeenFrame> watch(const Job& job, VideoInfo& info, std::optional<std::string>& problem);
+    [[nodiscard]] LandmarkSet landmarks_of(const SeenFrame& frame) const;
     [[nodiscard]] Eigen::VectorXd fit_identity(const std::vector<SeenFrame>& seen,
-                                               const Eigen::Vector2d& principal_point_px) const;
+                                               const Eigen::Vector2d& principal_point_px);
 
     void write_results(const Job& job, const VideoInfo& info, const Eigen::VectorXd& identity,
                        const TextureAccumulator& texture, const std::map<std::string, int>& status_counts,
@@ -59,9 +62,10 @@ private:
 
     TrackOptions options_;
     MorphableModel model_;
-    FaceFitter fitter_;
+    Fitters fitters_;
     TextureLayout layout_;
-    FaceDetector detector_;
+    FaceFinder finder_;
+    LandmarkSet landmarks_ = {}; ///< Of the last frame with a face: scheme and names of all frames.
 };
 
 } // namespace lineament::cli

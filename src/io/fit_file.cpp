@@ -89,6 +89,7 @@ Json json_face(const FitFileFace& face)
     json["rms_px"] = fit.rms_px;
     json["chi_square"] = fit.chi_square;
     json["dof"] = fit.degrees_of_freedom;
+    json["iterations"] = fit.iterations;
     json["timing_us"] = {{"pose", fit.timing.pose_us},
                          {"identity", fit.timing.identity_us},
                          {"expression", fit.timing.expression_us},
@@ -195,6 +196,7 @@ FitFileFace read_face(const JsonReader& json, const std::string& method)
     fit.rms_px = read_number(json.member("rms_px"));
     fit.chi_square = read_number(json.member("chi_square"));
     fit.degrees_of_freedom = json.member("dof").integer(-1000000, 1000000000);
+    fit.iterations = json.member("iterations").integer(0, 1000000000);
     const JsonReader timing = json.member("timing_us");
     fit.timing = {read_number(timing.member("pose")), read_number(timing.member("identity")),
                   read_number(timing.member("expression")), read_number(timing.member("contour")),

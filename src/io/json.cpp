@@ -14,7 +14,6 @@ namespace lineament::detail {
 namespace {
 
 constexpr std::size_t max_depth = 64;
-constexpr std::size_t max_members = 4096; // of one object: members are found one after the other
 
 std::string place_of(std::string_view text, std::size_t byte)
 {

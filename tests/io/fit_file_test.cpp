@@ -38,6 +38,7 @@ FitFile make_file()
         face.fit.landmarks = {{"9", {1.5, 2.25}, {1.1, 1e-17}, 0.0}, {"31", {0.1, 0.2}, {0.3, 0.7}, 1.0}};
         face.fit.rms_px = random.uniform();
         face.fit.chi_square = 120.0 * random.uniform();
+        face.fit.iterations = 5;
         face.fit.degrees_of_freedom = 130;
         face.fit.timing = {1.0, 2.0, 3.0, 4.0, 10.5};
         face.shape_standard_deviations = {0.5, 0.25, 0.125, 1.0, 0.1};
@@ -81,6 +82,7 @@ TEST(FitFile, ComesBackBitForBit)
         EXPECT_EQ(b.rms_px, a.rms_px);
         EXPECT_EQ(b.chi_square, a.chi_square);
         EXPECT_EQ(b.degrees_of_freedom, 130);
+        EXPECT_EQ(b.iterations, 5);
         EXPECT_EQ(b.timing.total_us, 10.5);
         EXPECT_EQ(back.faces[i].shape_standard_deviations, file.faces[i].shape_standard_deviations);
         EXPECT_EQ(back.faces[i].unobservable, file.faces[i].unobservable);
@@ -151,7 +153,7 @@ TEST(FitFile, WrongContentIsRefusedWithItsPointer)
     refused("/faces/1/camera/scale_px_per_mm", "1", "a number");
     refused("/faces/1/landmarks/0/point_px", json::array({1}), "[x, y]");
     refused("/faces/1/expression/values", json::array(), "an object");
-    for (const char* member : {"status", "pose", "camera", "shape_coefficients", "landmarks", "dof", "timing_us"}) {
+    for (const char* member : {"status", "pose", "camera", "shape_coefficients", "landmarks", "dof", "iterations", "timing_us"}) {
         json bad = good;
         bad["faces"][0].erase(member);
         EXPECT_TRUE(throws<IoError>([&] { (void)parse_fit_json(bad.dump(), "fit.json"); },

@@ -92,7 +92,7 @@ TEST(ExtractTexture, PictureOfAFrontalPlaneComesBackUnchanged)
     const ImageU8 picture = make_pattern(64, 64);
     const Mesh plane = make_plane(64, 64, 0, 3, 3);
     const TextureMap map = extract_texture(TextureLayout(plane, 64), plane.vertices, plane.triangles,
-                                           centered_camera(64, 64, 1.0), picture, {.outline_margin_px = 0});
+                                           centered_camera(64, 64, 1.0), picture, {.outline_margin_mm = 0});
     int largest = 0;
     for (std::size_t i = 0; i < picture.data.size(); ++i) {
         largest = std::max(largest, std::abs(map.color.data[i] - picture.data[i]));
@@ -182,7 +182,7 @@ TEST(ExtractTexture, WeightIsTheCosineToTheRayOnASphere)
             EXPECT_NEAR(weight, -normal.dot(ray.normalized()), 5e-3);
             ++num_seen;
         }
-        EXPECT_GT(num_seen, 600);
+        EXPECT_GT(num_seen, 500);
     }
 }
 
@@ -251,7 +251,7 @@ TEST(ExtractTexture, BackgroundDoesNotBleedInAtTheOutline)
     const ImageU8 picture = render_mesh(sphere, texture, camera, 200, 200, {.background = {0, 0, 0}});
     const auto num_dark = [&](double margin) {
         const TextureMap map = extract_texture(TextureLayout(sphere, 256), sphere.vertices, sphere.triangles, camera,
-                                               picture, {.outline_margin_px = margin});
+                                               picture, {.outline_margin_mm = margin});
         int count = 0;
         for (std::size_t i = 0; i < map.weight.data.size(); ++i) {
             count += map.weight.data[i] > 0 && map.color.data[3 * i] < 198 ? 1 : 0;
@@ -260,6 +260,27 @@ TEST(ExtractTexture, BackgroundDoesNotBleedInAtTheOutline)
     };
     EXPECT_GT(num_dark(0.0), 100);
     EXPECT_EQ(num_dark(1.5), 0);
+}
+
+TEST(ExtractTexture, BackgroundStaysOutOfAFitThatIsOffByThreeMillimetres)
+{
+    const Mesh sphere = make_sphere(80);
+    const ImageU8 texture(8, 8, 3, 200);
+    const Camera camera = centered_camera(400, 400, 2.0);
+    const ImageU8 picture = render_mesh(sphere, texture, camera, 400, 400, {.background = {0, 0, 0}});
+    Camera wrong = camera;
+    wrong.translation_mm.x() += 3.0;
+    const auto num_dark = [&](double margin) {
+        const TextureMap map = extract_texture(TextureLayout(sphere, 256), sphere.vertices, sphere.triangles, wrong,
+                                               picture, {.outline_margin_mm = margin});
+        int count = 0;
+        for (std::size_t i = 0; i < map.weight.data.size(); ++i) {
+            count += map.weight.data[i] > 0 && map.color.data[3 * i] < 100 ? 1 : 0;
+        }
+        return count;
+    };
+    EXPECT_GT(num_dark(1.5), 100);
+    EXPECT_EQ(num_dark(TextureOptions().outline_margin_mm), 0);
 }
 
 TEST(ExtractTexture, FinePictureIsAveragedNotAliased)
@@ -317,7 +338,7 @@ TEST(ExtractTexture, RefusesBrokenContracts)
     EXPECT_TRUE(throws<InvalidArgument>([&] { run(make_plane(1, 1, 0, 2, 2), picture, {}); }, "triangles"));
     EXPECT_TRUE(throws<InvalidArgument>([&] { run(plane, ImageU8(8, 8, 2), {}); }, "picture"));
     EXPECT_TRUE(throws<InvalidArgument>([&] { run(plane, picture, {.depth_tolerance_mm = NAN}); }, "depth_tolerance"));
-    EXPECT_TRUE(throws<InvalidArgument>([&] { run(plane, picture, {.outline_margin_px = -1}); }, "outline_margin_px"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { run(plane, picture, {.outline_margin_mm = -1}); }, "outline_margin_mm"));
     Mesh bad = plane;
     bad.vertices(0, 0) = INFINITY;
     EXPECT_TRUE(throws<InvalidArgument>([&] { run(bad, picture, {}); }, "vertices(0, 0)"));

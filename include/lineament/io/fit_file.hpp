@@ -29,7 +29,7 @@ struct FitFile
 };
 
 /// The JSON text; numbers are the shortest that read back to the same double, those not finite are null.
-/// parse_fit_json gives everything back except `FitResult::iterations`.
+/// parse_fit_json gives everything back.
 [[nodiscard]] std::string format_fit_json(const FitFile& file);
 
 /// @param path  Name for messages.

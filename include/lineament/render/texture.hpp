@@ -23,9 +23,10 @@ struct TextureMap
 struct TextureOptions
 {
     double depth_tolerance_mm = 1.5; ///< As VisibilityOptions; a fit's surface is coarser than its texture.
-    /// Texels that near to the outline of the mesh, or to a step in its depth, get weight 0: what lies beside them
-    /// would bleed in. Pixels of the picture as it is sampled, 0 to 64; 0: keep all.
-    double outline_margin_px = 1.5;
+    /// Texels seen that near to the outline of the mesh, or to a step in its depth, get weight 0: a fit misses the true
+    /// outline by some millimetres, and what lies beside the face would bleed in. Measured across the view, 0 to 20;
+    /// at least the pixel that interpolation reads; 0: keep all.
+    double outline_margin_mm = 4.0;
 
     void check() const; ///< @throws InvalidArgument naming the member and the value.
 };
@@ -170,8 +171,8 @@ inline void TextureOptions::check() const
 {
     const char* const function = "TextureOptions";
     require(depth_tolerance_mm >= 0, function, "depth_tolerance_mm", "a number >= 0", to_text(depth_tolerance_mm));
-    require(outline_margin_px >= 0 && outline_margin_px <= 64, function, "outline_margin_px", "a number in [0, 64]",
-            to_text(outline_margin_px));
+    require(outline_margin_mm >= 0 && outline_margin_mm <= 20, function, "outline_margin_mm", "a number in [0, 20]",
+            to_text(outline_margin_mm));
 }
 
 inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matrix3Xf& vertices,
@@ -224,8 +225,11 @@ inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matr
         source = &reduced;
         reduction *= 0.5;
     }
-    const Image<std::uint8_t> outline = detail::outline_mask(depth_test.depth(), 1.0 / window_camera.scale_px_per_mm,
-                                                             options.outline_margin_px * window.zoom / reduction);
+    const double mm_per_px = 1.0 / window_camera.scale_px_per_mm;
+    const double interpolated_px = 1.5 * window.zoom / reduction;
+    const double outline_margin_px =
+        options.outline_margin_mm > 0 ? std::max(options.outline_margin_mm / mm_per_px, interpolated_px) : 0.0;
+    const Image<std::uint8_t> outline = detail::outline_mask(depth_test.depth(), mm_per_px, outline_margin_px);
 
     for (const Texel& texel : layout.texels()) {
         const int a = triangles(0, texel.triangle);

@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "face_finder.hpp"
+
+#include "console.hpp"
+
+#include <CLI/CLI.hpp>
+
+namespace lineament::cli {
+
+namespace {
+
+FoundFace found(DetectedFace&& face)
+{
+    return {std::move(face.landmarks), face.confidence};
+}
+
+FoundFace found(MeshFace&& face)
+{
+    return {std::move(face.landmarks), face.presence};
+}
+
+template <typename Face>
+std::optional<FoundFace> found(std::optional<Face>&& face)
+{
+    return face ? std::optional(found(std::move(*face))) : std::nullopt;
+}
+
+} // namespace
+
+void add_finder_options(CLI::App& command, FinderOptions& options)
+{
+    command
+        .add_option(
+            "--detector", options.detector,
+            "What finds faces and landmarks: mediapipe (478 points), dlib (68 points; its landmark model excludes "
+            "commercial use), or none (landmark files only).")
+        ->check(CLI::IsMember({"mediapipe", "dlib", "none"}))
+        ->capture_default_str();
+    command
+        .add_option("--min-face", options.min_face_px,
+                    "With --detector dlib: smallest face searched [px]; 0: 80, and 40 if none is found.")
+        ->check(CLI::NonNegativeNumber);
+}
+
+void FaceFinder::load()
+{
+    if (options_.detector == "none") {
+        throw Failure(wrong_use, "--detector none: nothing finds faces then; give --landmarks");
+    }
+    if (uses_mesh() && !mesh_) {
+        mesh_.emplace();
+    } else if (!uses_mesh() && !dlib_) {
+        dlib_.emplace();
+    }
+}
+
+std::vector<FoundFace> FaceFinder::find(const ImageU8& picture)
+{
+    load();
+    std::vector<FoundFace> faces;
+    if (uses_mesh()) {
+        for (MeshFace& face : mesh_->detect(picture)) {
+            faces.push_back(found(std::move(face)));
+        }
+    } else {
+        DetectionOptions detection;
+        detection.min_face_size_px = options_.min_face_px;
+        for (DetectedFace& face : dlib_->detect(picture, detection)) {
+            faces.push_back(found(std::move(face)));
+        }
+    }
+    return faces;
+}
+
+std::optional<FoundFace> FaceFinder::find_one(const ImageU8& picture)
+{
+    load();
+    if (!uses_mesh()) {
+        std::vector<FoundFace> faces = find(picture);
+        return faces.empty() ? std::nullopt : std::optional(std::move(faces.front()));
+    }
+    MeshDetectionOptions detection;
+    detection.max_faces = 1;
+    std::vector<MeshFace> faces = mesh_->detect(picture, detection);
+    return faces.empty() ? std::nullopt : std::optional(found(std::move(faces.front())));
+}
+
+std::optional<FoundFace> FaceFinder::follow(const ImageU8& picture, const FoundFace& previous)
+{
+    load();
+    return uses_mesh() ? found(mesh_->follow(picture, previous.landmarks))
+                       : found(dlib_->follow(picture, previous.landmarks));
+}
+
+} // namespace lineament::cli
