@@ -9,7 +9,6 @@
 #include "model_options.hpp"
 
 #include "lineament/core/version.hpp"
-#include "lineament/fit/face_fitter.hpp"
 #include "lineament/io/file.hpp"
 #include "lineament/io/fit_file.hpp"
 #include "lineament/io/image_file.hpp"
@@ -153,7 +152,7 @@ void fit_picture(Session& session, const Job& job, Json& json)
     json["faces"] = Json::array();
     for (std::size_t i = 0; i < sets.size(); ++i) {
         const int id = options.face > 0 ? options.face : static_cast<int>(i) + 1;
-        const FitResult fit = session.fitters.for_scheme(sets[i].scheme).fit(sets[i], principal_point);
+        const FitResult fit = session.fitters.fit(sets[i], principal_point);
         file.method = fit.method;
         file.faces.push_back({id, fit, {}, {}});
         Json& face_json = json["faces"].emplace_back();

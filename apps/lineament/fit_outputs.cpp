@@ -2,12 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fit_outputs.hpp"
 
-#include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/fitted_shape.hpp"
 #include "lineament/io/glb_file.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/mesh_file.hpp"
 #include "lineament/render/shading.hpp"
 #include "lineament/render/texture_completion.hpp"
+
+#include <algorithm>
 
 namespace lineament::cli {
 
@@ -60,6 +62,24 @@ ImageU8 render_frontal(const Mesh& mesh, const ImageU8& texture)
     return render_mesh(mesh, texture, frame_camera(mesh, {}, width, height), width, height);
 }
 
+TextureMap extract_face_texture(const MorphableModel& model, const TextureLayout& layout, const Mesh& mesh,
+                                const Camera& camera, const ImageU8& picture)
+{
+    TextureOptions options;
+    const auto ears = model.masks.find("ears");
+    if (ears != model.masks.end()) {
+        // The sine of the angle by which the head shows its left side; an ear counts in full from 30 degrees on.
+        const double to_left = -camera.camera_from_model(2, 0);
+        options.vertex_trust.resize(mesh.vertices.cols());
+        for (Eigen::Index v = 0; v < mesh.vertices.cols(); ++v) {
+            const double shown = mesh.vertices(0, v) > 0 ? to_left : -to_left;
+            const double ear_trust = std::clamp((shown - 0.25) / 0.25, 0.0, 1.0);
+            options.vertex_trust[v] = static_cast<float>(1.0 - ears->second[v] * (1.0 - ear_trust));
+        }
+    }
+    return extract_texture(layout, mesh.vertices, mesh.triangles, camera, picture, options);
+}
+
 FittedFace make_fitted_face(int id, const FitResult& fit, const MorphableModel& model, const TextureLayout& layout,
                             const ImageU8& picture)
 {
@@ -67,7 +87,7 @@ FittedFace make_fitted_face(int id, const FitResult& fit, const MorphableModel& 
     face.id = id;
     face.fit = fit;
     const Mesh mesh = model.mesh_of(shape_of(model, fit));
-    const TextureMap texture = extract_texture(layout, mesh.vertices, mesh.triangles, fit.camera, picture);
+    const TextureMap texture = extract_face_texture(model, layout, mesh, fit.camera, picture);
     face.texture = mark_holes(texture, HoleMark::transparent);
     face.whole_texture = complete_texture(texture).color;
     face.frontal = render_frontal(neutral_mesh(model, fit.shape_coefficients), face.whole_texture);

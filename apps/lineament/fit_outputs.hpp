@@ -34,6 +34,11 @@ struct OutputOptions
     int texture_size = 512; ///< Texels a side.
 };
 
+/// The picture in uv space for a fitted face. Ears are taken only where the head is turned to show them: landmarks say
+/// little about their place, and from the front hair or background would be painted on.
+[[nodiscard]] TextureMap extract_face_texture(const MorphableModel& model, const TextureLayout& layout,
+                                              const Mesh& mesh, const Camera& camera, const ImageU8& picture);
+
 /// The texture of a fitted face and its frontal, expression-neutralised render.
 [[nodiscard]] FittedFace make_fitted_face(int id, const FitResult& fit, const MorphableModel& model,
                                           const TextureLayout& layout, const ImageU8& picture);

@@ -27,9 +27,8 @@ void add_model_options(CLI::App& command, ModelOptions& options)
                     "points, or ignored.")
         ->check(CLI::IsMember({"ignored", "fixed", "front", "both"}))
         ->capture_default_str();
-    command.add_option("--iterations", options.iterations, "Iterations of the fit.")
-        ->check(CLI::Range(1, 1000))
-        ->capture_default_str();
+    command.add_option("--iterations", options.iterations, "Iterations of the fit; default: 5.")
+        ->check(CLI::Range(1, 1000));
     command
         .add_option("--regularization", options.regularization,
                     "Weight of the shape prior; default: 1, or 30 with the published prior.")
@@ -65,24 +64,6 @@ MorphableModel load_chosen_model(const ModelOptions& options)
         throw Failure(wrong_use, "--expressions: " + path + " has " + sets + "or none; got " + options.expression_set);
     }
     return model;
-}
-
-FitOptions fit_options(const ModelOptions& options)
-{
-    FitOptions fit = options.prior == "published" ? FitOptions::published_prior() : FitOptions{};
-    fit.iterations = options.iterations;
-    if (options.regularization) {
-        fit.regularization = *options.regularization;
-    }
-    fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
-    fit.contour = options.contour == "ignored" ? ContourMode::ignored
-                  : options.contour == "fixed" ? ContourMode::fixed
-                  : options.contour == "front" ? ContourMode::front_facing
-                                               : ContourMode::both;
-    if (options.focal_px > 0.0) {
-        fit.focal_length_px = options.focal_px;
-    }
-    return fit;
 }
 
 TextureLayout make_texture_layout(const MorphableModel& model, int size)

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "lineament/fit/face_fitter.hpp"
 #include "lineament/model/morphable_model.hpp"
 #include "lineament/render/texture.hpp"
 
@@ -24,7 +23,7 @@ struct ModelOptions
     std::string expression_set = "ekman6";
     std::string contour = "both";
     std::string prior = "model";
-    int iterations = FitOptions{}.iterations;
+    std::optional<int> iterations;        ///< Empty: the default of the method.
     std::optional<double> regularization; ///< Empty: the default of the prior.
     double focal_px = 0.0;                ///< 0: unknown, scaled orthographic.
 };
@@ -33,8 +32,6 @@ void add_model_options(CLI::App& command, ModelOptions& options);
 
 /// The model at the chosen level. @throws IoError; Failure(wrong_use) for a level or expression set it has not.
 [[nodiscard]] MorphableModel load_chosen_model(const ModelOptions& options);
-
-[[nodiscard]] FitOptions fit_options(const ModelOptions& options);
 
 /// The uv layout of the finest level without the inside of the mouth.
 [[nodiscard]] TextureLayout make_texture_layout(const MorphableModel& model, int size);

@@ -7,8 +7,8 @@
 
 #include "lineament/camera/angles.hpp"
 #include "lineament/core/version.hpp"
+#include "lineament/fit/fitted_shape.hpp"
 #include "lineament/fit/frame_selection.hpp"
-#include "lineament/fit/multi_frame.hpp"
 #include "lineament/io/file.hpp"
 #include "lineament/io/glb_file.hpp"
 #include "lineament/io/image_file.hpp"
@@ -141,7 +141,7 @@ std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoIn
             for (Eigen::Index i = 0; i < now.points_px.cols(); ++i) {
                 now.points_px.col(i) = landmarks_.landmarks[static_cast<std::size_t>(i)].point_px.cast<float>();
             }
-            now.fit = fitters_.for_scheme(landmarks_.scheme).fit(landmarks_, principal_point);
+            now.fit = fitters_.fit(landmarks_, principal_point);
             now.fit.landmarks = {};
         }
         seen.push_back(std::move(now));
@@ -183,7 +183,7 @@ Eigen::VectorXd VideoTracker::fit_identity(const std::vector<SeenFrame>& seen,
     if (chosen.empty()) {
         throw Failure(no_answer, "no frame with a trustworthy fit");
     }
-    return fit_frames(fitters_.for_scheme(chosen.front().scheme), chosen, principal_point_px).shape_coefficients;
+    return fitters_.fit_identity(chosen, principal_point_px);
 }
 
 TrackSummary VideoTracker::track(const Job& job)
@@ -228,9 +228,8 @@ TrackSummary VideoTracker::track(const Job& job)
             }
             std::optional<FitResult> fit;
             if (seen[i].has_face) {
-                fit = fitters_.for_scheme(landmarks_.scheme)
-                          .fit_pose_and_expression(landmarks_of(seen[i]), principal_point, identity,
-                                                   previous ? &*previous : nullptr);
+                fit = fitters_.fit_pose_and_expression(landmarks_of(seen[i]), principal_point, identity,
+                                                       previous ? &*previous : nullptr);
             }
             const bool is_drawn = fit && is_drawable(fit->status);
             rows.push_back(make_row(i, seen[i].time_s, fit, seen[i].confidence));
@@ -239,8 +238,7 @@ TrackSummary VideoTracker::track(const Job& job)
             if (is_drawn) {
                 if (fit->status == FitStatus::success) {
                     const Mesh mesh = model_.mesh_of(shape_of(model_, *fit));
-                    const TextureMap seen_texture =
-                        extract_texture(layout_, mesh.vertices, mesh.triangles, fit->camera, picture);
+                    const TextureMap seen_texture = extract_face_texture(model_, layout_, mesh, fit->camera, picture);
                     texture.add(seen_texture, sharpness(seen_texture));
                 }
                 picture = draw_overlay(picture, model_, *fit);

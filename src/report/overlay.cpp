@@ -3,7 +3,7 @@
 #include "lineament/report/overlay.hpp"
 
 #include "lineament/camera/angles.hpp"
-#include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/fitted_shape.hpp"
 #include "lineament/render/draw.hpp"
 #include "lineament/render/visibility.hpp"
 #include "report/html.hpp"

@@ -283,6 +283,28 @@ TEST(ExtractTexture, BackgroundStaysOutOfAFitThatIsOffByThreeMillimetres)
     EXPECT_EQ(num_dark(TextureOptions().outline_margin_mm), 0);
 }
 
+TEST(ExtractTexture, TrustOfTheVerticesMultipliesTheWeights)
+{
+    const Mesh plane = make_plane(20, 20, 0);
+    const TextureLayout layout(plane, 32);
+    const auto weights = [&](float trust) {
+        TextureOptions options;
+        options.vertex_trust = Eigen::VectorXf::Constant(plane.vertices.cols(), trust);
+        return extract_texture(layout, plane.vertices, plane.triangles, centered_camera(100, 100, 2.0),
+                               ImageU8(100, 100, 3, 50), options)
+            .weight;
+    };
+    EXPECT_GT(weights(1.0f).at(16, 16), 0.5f);
+    EXPECT_FLOAT_EQ(weights(0.25f).at(16, 16), 0.25f * weights(1.0f).at(16, 16));
+    EXPECT_EQ(weights(0.0f).at(16, 16), 0.0f);
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)weights(1.5f); }, "vertex_trust"));
+    TextureOptions wrong_size;
+    wrong_size.vertex_trust = Eigen::VectorXf::Ones(3);
+    EXPECT_TRUE(throws<InvalidArgument>(
+        [&] { (void)extract_texture(layout, plane.vertices, plane.triangles, Camera{}, ImageU8(9, 9, 3), wrong_size); },
+        "vertex_trust"));
+}
+
 TEST(ExtractTexture, FinePictureIsAveragedNotAliased)
 {
     // One-pixel stripes, 16 px per texel and axis: every texel must be grey.

@@ -5,6 +5,7 @@
 #include "lineament/core/landmarks.hpp"
 #include "lineament/fit/contour.hpp"
 #include "lineament/fit/fit_result.hpp"
+#include "lineament/fit/fitted_shape.hpp"
 #include "lineament/fit/identity.hpp"
 #include "lineament/fit/model_points.hpp"
 #include "lineament/model/morphable_model.hpp"
@@ -124,13 +125,6 @@ private:
 /// FaceFitter(model, landmarks.scheme, options).fit(landmarks, principal_point_px): once, without preparation to keep.
 [[nodiscard]] FitResult fit_face(const MorphableModel& model, const LandmarkSet& landmarks,
                                  const Eigen::Vector2d& principal_point_px, const FitOptions& options = {});
-
-/// S(a, psi) (3V, mm) of a fit.
-/// @throws InvalidArgument if the model has another number of coefficients or lacks the expression set.
-[[nodiscard]] Eigen::VectorXf shape_of(const MorphableModel& model, const FitResult& fit);
-
-/// S(a, 0) (3V, mm): the fitted face with its expression taken away.
-[[nodiscard]] Eigen::VectorXf neutral_shape_of(const MorphableModel& model, const FitResult& fit);
 
 } // namespace lineament
 

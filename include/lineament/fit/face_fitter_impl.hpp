@@ -205,21 +205,4 @@ inline FitResult fit_face(const MorphableModel& model, const LandmarkSet& landma
     return FaceFitter(model, landmarks.scheme, options).fit(landmarks, principal_point_px);
 }
 
-inline Eigen::VectorXf neutral_shape_of(const MorphableModel& model, const FitResult& fit)
-{
-    return model.shape.instance(fit.shape_coefficients);
-}
-
-inline Eigen::VectorXf shape_of(const MorphableModel& model, const FitResult& fit)
-{
-    Eigen::VectorXf shape = neutral_shape_of(model, fit);
-    if (!fit.expression_set.empty()) {
-        const Blendshapes* set = model.find_expression_set(fit.expression_set);
-        require(set != nullptr, "shape_of", "fit.expression_set", "one of the model's expression sets",
-                "\"" + fit.expression_set + "\"");
-        shape += set->displacement(fit.expression_coefficients);
-    }
-    return shape;
-}
-
 } // namespace lineament

@@ -9,6 +9,7 @@ set(headers
     face_fitter.hpp
     face_fitter_impl.hpp
     fit_result.hpp
+    fitted_shape.hpp
     frame_fit_impl.hpp
     identity.hpp
     identity_impl.hpp

@@ -27,6 +27,9 @@ struct TextureOptions
     /// outline by some millimetres, and what lies beside the face would bleed in. Measured across the view, 0 to 20;
     /// at least the pixel that interpolation reads; 0: keep all.
     double outline_margin_mm = 4.0;
+    /// V, in [0, 1]: multiplies the weights, for parts of the mesh whose place the fit does not know well. Empty:
+    /// all 1.
+    Eigen::VectorXf vertex_trust = {};
 
     void check() const; ///< @throws InvalidArgument naming the member and the value.
 };
@@ -34,7 +37,7 @@ struct TextureOptions
 /// The texture of a posed mesh from one picture:
 ///
 ///   color(texel)  = picture at x, bilinear and rounded,    x the projection of the texel's surface point
-///   weight(texel) = max(0, -n . v) min(1, density)         for texels that are seen clear of outlines, else 0
+///   weight(texel) = trust max(0, -n . v) min(1, density)   for texels that are seen clear of outlines, else 0
 ///
 /// with n the unit normal interpolated from the vertices, v the unit ray from the camera to the point, and density the
 /// picture's pixels per texel if the surface faced the camera: (s / (1 + phi P_z))^2 times the triangle's area in mm^2
@@ -173,6 +176,8 @@ inline void TextureOptions::check() const
     require(depth_tolerance_mm >= 0, function, "depth_tolerance_mm", "a number >= 0", to_text(depth_tolerance_mm));
     require(outline_margin_mm >= 0 && outline_margin_mm <= 20, function, "outline_margin_mm", "a number in [0, 20]",
             to_text(outline_margin_mm));
+    require(vertex_trust.size() == 0 || (vertex_trust.minCoeff() >= 0 && vertex_trust.maxCoeff() <= 1), function,
+            "vertex_trust", "numbers in [0, 1]", "others");
 }
 
 inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matrix3Xf& vertices,
@@ -183,6 +188,9 @@ inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matr
     options.check();
     detail::require_scene(vertices, triangles, camera, picture.width, picture.height, function);
     require_size(triangles.cols(), layout.num_triangles(), function, "triangles");
+    const Eigen::VectorXf& trust = options.vertex_trust;
+    require(trust.size() == 0 || trust.size() == vertices.cols(), function, "options.vertex_trust",
+            "empty, or " + std::to_string(vertices.cols()) + " numbers", std::to_string(trust.size()));
     require(picture.empty() || picture.channels == 1 || picture.channels == 3 || picture.channels == 4, function,
             "picture", "1, 3 or 4 channels", std::to_string(picture.channels));
 
@@ -266,7 +274,9 @@ inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matr
         }
         const double facing = -normal.dot(view_ray(camera, point).normalized());
         const double density = densities[texel.triangle] / (range * range);
-        map.weight.data[texel.index] = is_near_outline ? 0.0f : static_cast<float>(facing * std::min(1.0, density));
+        const double trusted = trust.size() > 0 ? weight_a * trust[a] + weight_b * trust[b] + weight_c * trust[c] : 1.0;
+        map.weight.data[texel.index] =
+            is_near_outline ? 0.0f : static_cast<float>(trusted * facing * std::min(1.0, density));
     }
     return map;
 }
