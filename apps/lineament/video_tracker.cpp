@@ -15,6 +15,7 @@
 #include "lineament/io/track_file.hpp"
 #include "lineament/render/texture_completion.hpp"
 #include "lineament/report/overlay.hpp"
+#include "lineament/vision/short_runs.hpp"
 #include "lineament/vision/video_writer.hpp"
 
 #include <algorithm>
@@ -151,6 +152,14 @@ std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoIn
         }
     }
     problem = reader.problem();
+    std::vector<bool> has_face;
+    for (const SeenFrame& frame : seen) {
+        has_face.push_back(frame.has_face);
+    }
+    const std::vector<bool> is_false_alarm = find_short_runs(has_face);
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        seen[i].has_face = seen[i].has_face && !is_false_alarm[i];
+    }
     return seen;
 }
 

@@ -208,6 +208,35 @@ TEST(CommandLine, ControlCharactersOfFileNamesAreEscaped)
     EXPECT_EQ(outcome.error.find('\x1b'), std::string::npos) << outcome.error;
 }
 
+TEST(CommandLine, FindsTheFaceOfAPhotoWithEitherDetector)
+{
+    LINEAMENT_REQUIRE_REAL_DATA("images/lfpw_same_person/image_0004.png");
+    const std::string photo = (test::real_data_folder() / "images/lfpw_same_person/image_0004.png").string();
+    const test::TemporaryFolder folder;
+    for (const std::string detector : {"mediapipe", "dlib"}) {
+        const Outcome outcome =
+            run(folder, "fit '" + photo + "' --no-report --detector " + detector + " -o " + detector);
+        ASSERT_EQ(outcome.exit_code, 0) << outcome.error;
+        const nlohmann::json fit = nlohmann::json::parse(read_all(folder / (detector + "/image_0004/fit.json")));
+        ASSERT_EQ(fit["faces"].size(), 1U);
+        EXPECT_EQ(fit["faces"][0]["status"], "success");
+        EXPECT_LT(fit["faces"][0]["rms_px"].get<double>(), 12.0) << "of a face 400 px wide";
+    }
+    EXPECT_EQ(run(folder, "fit '" + photo + "' --detector none").exit_code, 2);
+    EXPECT_EQ(run(folder, "fit '" + photo + "' --detector magic").exit_code, 2);
+}
+
+TEST(CommandLine, AClipWithoutAFaceIsNoAnswer)
+{
+    LINEAMENT_REQUIRE_REAL_DATA("video/no_face.mp4");
+    const std::string clip = (test::real_data_folder() / "video/no_face.mp4").string();
+    const test::TemporaryFolder folder;
+    const Outcome outcome = run(folder, "track '" + clip + "' -o out");
+    EXPECT_EQ(outcome.exit_code, 6) << outcome.error;
+    EXPECT_NE(outcome.error.find("no face found in any of 95 frames"), std::string::npos) << outcome.error;
+    EXPECT_FALSE(fs::exists(folder / "out"));
+}
+
 TEST(CommandLine, ModelInfoIsReadableByMachines)
 {
     const test::TemporaryFolder folder;

@@ -3,6 +3,7 @@
 set(headers
     face_detector.hpp
     mesh_detector.hpp
+    short_runs.hpp
     video_reader.hpp
     video_writer.hpp
     video.hpp)
