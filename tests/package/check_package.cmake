@@ -18,6 +18,19 @@ if(way STREQUAL plain)
     run(${work_dir}/plain)
     return()
 endif()
+if(way STREQUAL emscripten)
+    file(GLOB headers RELATIVE ${source_dir}/include ${source_dir}/include/lineament/core/*.hpp
+         ${source_dir}/include/lineament/model/*.hpp ${source_dir}/include/lineament/camera/*.hpp
+         ${source_dir}/include/lineament/render/*.hpp ${source_dir}/include/lineament/fit/*.hpp)
+    list(TRANSFORM headers PREPEND "#include \"")
+    list(TRANSFORM headers APPEND "\"\n")
+    list(JOIN headers "" text)
+    file(WRITE ${work_dir}/core.cpp "${text}")
+    set(ENV{NODE_PATH} /usr/share/nodejs) # Debian's em++ does not find its own modules
+    run(${emxx} -std=c++20 -O1 -Wall -Wextra -Werror -I ${source_dir}/include -isystem ${eigen} -c ${work_dir}/core.cpp
+        -o ${work_dir}/core.o)
+    return()
+endif()
 if(way STREQUAL installed)
     run(${CMAKE_COMMAND} --install ${binary_dir} --prefix ${work_dir}/prefix)
     set(arguments -DCMAKE_PREFIX_PATH=${work_dir}/prefix -DLINEAMENT_COMPONENT=io)
