@@ -12,7 +12,14 @@ set(headers
     fitted_shape.hpp
     frame_fit_impl.hpp
     identity.hpp
+    identity_filter.hpp
     identity_impl.hpp
+    joint_fit_impl.hpp
+    joint_fitter.hpp
+    joint_fitter_impl.hpp
+    joint_image_impl.hpp
+    joint_problem_impl.hpp
+    joint_solver_impl.hpp
     model_points.hpp
     frame_selection.hpp
     multi_frame.hpp
@@ -22,4 +29,5 @@ set(headers
     pose.hpp
     pose_impl.hpp
     pose_support_impl.hpp
+    robust_loss.hpp
     silhouette_impl.hpp)

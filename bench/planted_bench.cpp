@@ -1,0 +1,451 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Planted faces: identity, expression, camera and noise drawn at random, landmarks made from them, and fitted by the
+// thesis's method (FaceFitter, published setting) and jointly (JointFitter). Prints the error of the neutral shape over
+// the mask "face" in mm, with means and standard errors, as tables in Markdown.       docs/joint-fit.md
+//
+//   planted_bench [--model FILE] [--subjects N] [--only WORD]
+#include "lineament/core/procrustes.hpp"
+#include "lineament/fit/joint_fitter.hpp"
+#include "lineament/fit/multi_frame.hpp"
+#include "lineament/io/model_file.hpp"
+#include "support/synthetic_face.hpp"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace lineament;
+
+constexpr double outer_eye_px = 100.0;
+
+MorphableModel* loaded_model = nullptr;
+const MorphableModel& model()
+{
+    return *loaded_model;
+}
+std::vector<int> face_vertices;
+double mean_scale; ///< px/mm at which the mean face's outer eye corners are 100 px apart.
+
+Eigen::Matrix3Xd face_of(const Eigen::VectorXf& shape)
+{
+    const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model().num_vertices());
+    return vertices(Eigen::all, face_vertices).cast<double>();
+}
+
+double outer_eye_mm(const Eigen::VectorXf& shape)
+{
+    const LandmarkMap& map = *model().find_landmark_map("ibug68");
+    const Eigen::Matrix3Xf points =
+        map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, model().num_vertices()));
+    return (points.col(map.index_of("37")) - points.col(map.index_of("46"))).norm();
+}
+
+/// Mean and standard error of what is added.
+struct Mean
+{
+    double sum = 0, squares = 0;
+    int count = 0;
+    void add(double value)
+    {
+        sum += value;
+        squares += value * value;
+        ++count;
+    }
+    [[nodiscard]] double mean() const { return sum / count; }
+    [[nodiscard]] double error() const
+    {
+        return std::sqrt(std::max(0.0, squares / count - mean() * mean()) / std::max(1, count - 1));
+    }
+};
+
+/// Errors of neutral shapes: similarity Procrustes over the face, mean vertex distance; the same without scale; and the
+/// ratio of estimated to true scale of the camera.
+struct Errors
+{
+    Mean aligned, metrical, scale_ratio;
+    int num_success = 0, num_fits = 0;
+    void add(const Eigen::VectorXd& alpha, const Eigen::VectorXd& truth, FitStatus status, double ratio)
+    {
+        const Eigen::Matrix3Xd target = face_of(model().shape.instance(truth));
+        const Eigen::Matrix3Xd source = face_of(model().shape.instance(alpha));
+        const auto distance = [&](AlignmentScale alignment_scale) {
+            return (align_points(source, target, alignment_scale) * source - target).colwise().norm().mean();
+        };
+        aligned.add(distance(AlignmentScale::free));
+        metrical.add(distance(AlignmentScale::fixed));
+        scale_ratio.add(ratio);
+        num_success += status == FitStatus::success;
+        ++num_fits;
+    }
+    void print(const char* setting, const char* method) const
+    {
+        std::printf("| %s | %s | %.3f ± %.3f | %.3f ± %.3f | %+.1f ± %.1f %% | %d / %d |\n", setting, method,
+                    aligned.mean(), aligned.error(), metrical.mean(), metrical.error(), 100 * (scale_ratio.mean() - 1),
+                    100 * scale_ratio.error(), num_success, num_fits);
+        std::fflush(stdout);
+    }
+};
+
+void print_header(const char* title)
+{
+    std::printf("\n%s\n\n| setting | method | error, mm | without scale, mm | camera scale | success |\n"
+                "| --- | --- | --- | --- | --- | --- |\n",
+                title);
+}
+
+struct Subject
+{
+    Eigen::VectorXd alpha;
+    std::vector<Camera> cameras;
+    std::vector<LandmarkSet> images;
+};
+
+struct Protocol
+{
+    int num_images = 1;
+    double noise_px = 2.8;
+    double bias_mm = 0;     ///< Standard deviation per landmark and axis, the same in all images of a subject.
+    double wild_share = 0;  ///< Of landmarks displaced uniformly within +-20 px.
+    double distance_mm = 0; ///< Of the head; 0: far away (scaled orthographic).
+    double focal_length_px = 0;
+};
+
+Subject draw_subject(const Protocol& protocol, std::uint64_t seed)
+{
+    Random random(seed);
+    Subject subject;
+    subject.alpha = test::random_normal(random, model().shape.num_coefficients());
+    const Eigen::VectorXf neutral = model().shape.instance(subject.alpha);
+    const LandmarkMap& map = *model().find_landmark_map("ibug68");
+    const Eigen::VectorXd bias = protocol.bias_mm * test::random_normal(random, 3 * map.num_landmarks());
+    Random wild(seed ^ 0x5bd1e995u); // so that the clean landmarks are the same with and without wild ones
+    for (int f = 0; f < protocol.num_images; ++f) {
+        Eigen::VectorXd psi = 0.3 * test::random_normal(random, 6);
+        psi = psi.cwiseAbs().cwiseMin(1.0);
+        Camera camera;
+        const double yaw = random.uniform(-45, 45), pitch = 8 * random.normal(), roll = 5 * random.normal();
+        camera.camera_from_model = rotation_from_angles({radians(yaw), radians(pitch), radians(roll)});
+        camera.principal_point_px = {320, 240};
+        camera.scale_px_per_mm = outer_eye_px / outer_eye_mm(neutral);
+        if (protocol.distance_mm > 0) {
+            camera.phi_per_mm = 1 / protocol.distance_mm;
+            camera.scale_px_per_mm = protocol.focal_length_px / protocol.distance_mm;
+        }
+        camera.translation_mm = {random.uniform(-20, 20), random.uniform(-20, 20)};
+        const Eigen::VectorXf shape = neutral + model().find_expression_set("ekman6")->displacement(psi);
+        Eigen::Matrix3Xd points =
+            map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, model().num_vertices())).cast<double>();
+        points += Eigen::Map<const Eigen::Matrix3Xd>(bias.data(), 3, map.num_landmarks());
+        LandmarkSet set;
+        for (Eigen::Index l = 0; l < points.cols(); ++l) {
+            Landmark landmark{map.names[static_cast<std::size_t>(l)], camera.project(Eigen::Vector3d(points.col(l)))};
+            landmark.point_px += protocol.noise_px * Eigen::Vector2d(random.normal(), random.normal());
+            if (wild.uniform() < protocol.wild_share) {
+                landmark.point_px += Eigen::Vector2d(wild.uniform(-20, 20), wild.uniform(-20, 20));
+            }
+            set.landmarks.push_back(landmark);
+        }
+        subject.cameras.push_back(camera);
+        subject.images.push_back(set);
+    }
+    return subject;
+}
+
+std::vector<Subject> draw_subjects(const Protocol& protocol, int count)
+{
+    std::vector<Subject> subjects;
+    for (int i = 0; i < count; ++i) {
+        subjects.push_back(draw_subject(protocol, 1000003ull * static_cast<std::uint64_t>(i + 1)));
+    }
+    return subjects;
+}
+
+const Eigen::Vector2d centre(320, 240);
+
+double mean_ratio(const std::vector<Camera>& truth, const std::vector<double>& scales)
+{
+    double sum = 0;
+    for (std::size_t f = 0; f < truth.size(); ++f) {
+        sum += scales[f] / truth[f].scale_px_per_mm;
+    }
+    return sum / static_cast<double>(truth.size());
+}
+
+Errors run_thesis(const std::vector<Subject>& subjects, FitOptions options, PriorCount prior_count)
+{
+    options.contour = ContourMode::fixed;
+    const FaceFitter fitter(model(), "ibug68", options);
+    Errors errors;
+    for (const Subject& subject : subjects) {
+        const MultiFrameResult result = fit_frames(fitter, subject.images, centre, prior_count);
+        std::vector<double> scales;
+        for (const FitResult& frame : result.frames) {
+            scales.push_back(frame.camera.scale_px_per_mm);
+        }
+        errors.add(result.shape_coefficients, subject.alpha, result.status, mean_ratio(subject.cameras, scales));
+    }
+    return errors;
+}
+
+/// Correspondences given, noise known: sigma in mm at the mean face's scale.
+JointOptions known_noise(double noise_px)
+{
+    JointOptions options;
+    options.contour = ContourMode::fixed;
+    options.landmark_sigma_mm = options.contour_sigma_mm = noise_px / mean_scale;
+    options.bias_sigma_mm = 0;
+    return options;
+}
+
+/// Correspondences given, every other setting at its default.
+JointOptions default_noise()
+{
+    JointOptions options;
+    options.contour = ContourMode::fixed;
+    return options;
+}
+
+/// Shares of 90 % intervals that hold the truth: coefficients, and coordinates of the neutral face's vertices.
+struct Coverage
+{
+    Mean coefficients, coordinates, chi_square;
+};
+
+Errors run_joint(const std::vector<Subject>& subjects, const JointOptions& options, Coverage* coverage = nullptr)
+{
+    const JointFitter fitter(model(), "ibug68", options);
+    Errors errors;
+    for (const Subject& subject : subjects) {
+        const JointFramesResult result = fitter.fit_frames(subject.images, centre);
+        std::vector<double> scales;
+        for (const JointFitResult& frame : result.frames) {
+            scales.push_back(frame.fit.camera.scale_px_per_mm);
+        }
+        errors.add(result.shape_coefficients, subject.alpha, result.status, mean_ratio(subject.cameras, scales));
+        if (coverage != nullptr) {
+            const double z = 1.6448536269514722;
+            const Eigen::VectorXd deviation = result.shape_covariance.diagonal().cwiseSqrt();
+            const Eigen::VectorXd difference = result.shape_coefficients - subject.alpha;
+            coverage->coefficients.add((difference.array().abs() <= z * deviation.array()).cast<double>().mean());
+            const Eigen::Matrix3Xf spread = vertex_standard_deviations(model(), result.shape_covariance);
+            const Eigen::VectorXf offset =
+                model().shape.instance(result.shape_coefficients) - model().shape.instance(subject.alpha);
+            const Eigen::Map<const Eigen::Matrix3Xf> offsets(offset.data(), 3, model().num_vertices());
+            int inside = 0;
+            for (const int vertex : face_vertices) {
+                inside += static_cast<int>(
+                    (offsets.col(vertex).cwiseAbs().array() <= static_cast<float>(z) * spread.col(vertex).array())
+                        .count());
+            }
+            coverage->coordinates.add(inside / (3.0 * static_cast<double>(face_vertices.size())));
+            coverage->chi_square.add(result.chi_square / result.degrees_of_freedom);
+        }
+    }
+    return errors;
+}
+
+Errors run_mean_face(const std::vector<Subject>& subjects)
+{
+    Errors errors;
+    for (const Subject& subject : subjects) {
+        errors.add(Eigen::VectorXd::Zero(subject.alpha.size()), subject.alpha, FitStatus::success, 1.0);
+    }
+    return errors;
+}
+
+void single_image(int num_subjects)
+{
+    print_header("One image");
+    for (const double noise_px : {1.0, 2.8}) {
+        Protocol protocol;
+        protocol.noise_px = noise_px;
+        const std::vector<Subject> subjects = draw_subjects(protocol, num_subjects);
+        const std::string setting = "noise " + std::to_string(noise_px).substr(0, 3) + " px";
+        run_mean_face(subjects).print(setting.c_str(), "mean face");
+        run_thesis(subjects, FitOptions::published_prior(), PriorCount::once).print(setting.c_str(), "thesis");
+        FitOptions twenty = FitOptions::published_prior();
+        twenty.iterations = 20;
+        run_thesis(subjects, twenty, PriorCount::once).print(setting.c_str(), "thesis, 20 iterations");
+        run_joint(subjects, known_noise(noise_px)).print(setting.c_str(), "joint, noise known");
+        run_joint(subjects, default_noise()).print(setting.c_str(), "joint, default noise");
+        JointOptions gaussian = known_noise(noise_px);
+        gaussian.loss = RobustLoss::none;
+        run_joint(subjects, gaussian).print(setting.c_str(), "joint, noise known, least squares");
+    }
+}
+
+void ten_images(int num_subjects)
+{
+    print_header("Ten images, noise 2.8 px");
+    Protocol protocol;
+    protocol.num_images = 10;
+    const std::vector<Subject> subjects = draw_subjects(protocol, num_subjects);
+    run_mean_face(subjects).print("ten", "mean face");
+    FitOptions options = FitOptions::published_prior();
+    run_thesis(subjects, options, PriorCount::per_frame).print("ten", "thesis, prior times ten (usual)");
+    options.iterations = 20;
+    run_thesis(subjects, options, PriorCount::once).print("ten", "thesis, one prior, 20 iterations");
+    run_joint(subjects, known_noise(2.8)).print("ten", "joint, noise known");
+    run_joint(subjects, default_noise()).print("ten", "joint, default noise and bias");
+}
+
+void landmark_bias(int num_subjects)
+{
+    print_header("Landmark bias 3 mm, noise 2.8 px");
+    Protocol protocol;
+    protocol.bias_mm = 3;
+    protocol.num_images = 10;
+    const std::vector<Subject> subjects = draw_subjects(protocol, num_subjects);
+    std::vector<Subject> first = subjects;
+    for (Subject& subject : first) {
+        subject.images.resize(1);
+        subject.cameras.resize(1);
+    }
+    JointOptions options = known_noise(2.8);
+    options.bias_sigma_mm = 3;
+    run_joint(first, options).print("one image", "joint, noise and bias known");
+    run_joint(subjects, options).print("ten", "joint, noise and bias known");
+    run_joint(subjects, default_noise()).print("ten", "joint, default noise and bias");
+    run_joint(subjects, known_noise(2.8)).print("ten", "joint, no bias in the model");
+}
+
+void wild_landmarks(int num_subjects)
+{
+    print_header("Five images, noise 2.8 px, a tenth of the landmarks moved by up to 20 px");
+    Protocol protocol;
+    protocol.num_images = 5;
+    const std::vector<Subject> clean = draw_subjects(protocol, num_subjects);
+    protocol.wild_share = 0.1;
+    const std::vector<Subject> wild = draw_subjects(protocol, num_subjects);
+    for (const auto& [loss, name] : {std::pair{RobustLoss::student_t, "joint, Student t"},
+                                     std::pair{RobustLoss::geman_mcclure, "joint, Geman-McClure"},
+                                     std::pair{RobustLoss::none, "joint, least squares"}}) {
+        JointOptions options = known_noise(2.8);
+        options.loss = loss;
+        run_joint(clean, options).print("clean", name);
+        run_joint(wild, options).print("wild", name);
+    }
+}
+
+void selfie(int num_subjects)
+{
+    print_header("Ten selfies at 40 cm, noise 1.5 px");
+    Protocol protocol;
+    protocol.num_images = 10;
+    protocol.noise_px = 1.5;
+    protocol.distance_mm = 400;
+    protocol.focal_length_px = 400 * mean_scale;
+    const std::vector<Subject> subjects = draw_subjects(protocol, num_subjects);
+    JointOptions options = known_noise(1.5);
+    run_joint(subjects, options).print("40 cm", "joint, scaled orthographic");
+    options.focal_length_px = protocol.focal_length_px;
+    run_joint(subjects, options).print("40 cm", "joint, focal length known");
+    options.focal_length_px.reset();
+    options.phi_sigma_per_mm = 0.002;
+    run_joint(subjects, options).print("40 cm", "joint, focal length unknown");
+}
+
+void intervals(int num_subjects)
+{
+    std::printf("\n90 %% intervals, noise known\n\n"
+                "| images | noise | loss | coefficients inside | vertex coordinates inside | chi-square / d.o.f. |\n"
+                "| --- | --- | --- | --- | --- | --- |\n");
+    for (const int num_images : {1, 10}) {
+        for (const double noise_px : {1.0, 2.8}) {
+            for (const RobustLoss loss : {RobustLoss::student_t, RobustLoss::none}) {
+                Protocol protocol;
+                protocol.num_images = num_images;
+                protocol.noise_px = noise_px;
+                JointOptions options = known_noise(noise_px);
+                options.loss = loss;
+                Coverage coverage;
+                (void)run_joint(draw_subjects(protocol, num_images > 1 ? num_subjects / 4 : num_subjects), options,
+                                &coverage);
+                std::printf("| %d | %.1f px | %s | %.3f ± %.3f | %.3f ± %.3f | %.2f ± %.2f |\n", num_images, noise_px,
+                            loss == RobustLoss::none ? "least squares" : "Student t", coverage.coefficients.mean(),
+                            coverage.coefficients.error(), coverage.coordinates.mean(), coverage.coordinates.error(),
+                            coverage.chi_square.mean(), coverage.chi_square.error());
+                std::fflush(stdout);
+            }
+        }
+    }
+}
+
+void statuses(int num_fits)
+{
+    Protocol protocol;
+    JointOptions options; // all defaults: the outline is re-matched
+    const JointFitter fitter(model(), "ibug68", options);
+    std::map<std::string, int> counts;
+    double total_us = 0, largest_us = 0;
+    for (int i = 0; i < num_fits; ++i) {
+        const Subject subject = draw_subject(protocol, 77777ull * static_cast<std::uint64_t>(i + 1));
+        const JointFitResult result = fitter.fit(subject.images[0], centre);
+        ++counts[to_string(result.fit.status)];
+        total_us += result.fit.timing.total_us;
+        largest_us = std::max(largest_us, result.fit.timing.total_us);
+    }
+    std::printf("\nStatuses of %d fits at noise 2.8 px, default options:", num_fits);
+    for (const auto& [status, count] : counts) {
+        std::printf(" %s %d", status.c_str(), count);
+    }
+    std::printf("; mean time %.0f us\n", total_us / num_fits);
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    std::string path = default_model_path(), only;
+    int num_subjects = 200;
+    for (int i = 1; i + 1 < argc; i += 2) {
+        if (std::strcmp(argv[i], "--model") == 0) {
+            path = argv[i + 1];
+        } else if (std::strcmp(argv[i], "--subjects") == 0) {
+            num_subjects = std::max(8, std::atoi(argv[i + 1]));
+        } else if (std::strcmp(argv[i], "--only") == 0) {
+            only = argv[i + 1];
+        }
+    }
+    try {
+        MorphableModel loaded = load_model(path);
+        loaded_model = &loaded;
+        const Eigen::VectorXf& mask = model().masks.at("face");
+        for (int v = 0; v < mask.size(); ++v) {
+            if (mask[v] > 0.5f) {
+                face_vertices.push_back(v);
+            }
+        }
+        mean_scale = outer_eye_px / outer_eye_mm(model().shape.mean);
+        std::printf(
+            "model %s, %d face vertices, %d subjects (a quarter of them for ten images), yaw within 45 degrees, "
+            "outer eye corners %g px = %.1f mm apart\n",
+            model().name.c_str(), static_cast<int>(face_vertices.size()), num_subjects, outer_eye_px,
+            outer_eye_px / mean_scale);
+        const auto run = [&](const char* name, void (*part)(int), int count) {
+            if (only.empty() || only == name) {
+                part(count);
+            }
+        };
+        run("one", single_image, num_subjects);
+        run("ten", ten_images, num_subjects / 4);
+        run("bias", landmark_bias, num_subjects / 4);
+        run("wild", wild_landmarks, num_subjects / 2);
+        run("selfie", selfie, num_subjects / 4);
+        run("intervals", intervals, num_subjects);
+        run("status", statuses, 50 * num_subjects);
+    } catch (const Error& error) {
+        std::fprintf(stderr, "planted_bench: error: %s\n", error.what());
+        return 1;
+    }
+    return 0;
+}

@@ -1,0 +1,327 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_JOINT_FIT_IMPL_HPP
+#define LINEAMENT_FIT_JOINT_FIT_IMPL_HPP
+
+#include "lineament/fit/frame_fit_impl.hpp"
+#include "lineament/fit/joint_image_impl.hpp"
+#include "lineament/fit/joint_solver_impl.hpp"
+
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+namespace lineament::detail {
+
+/// The joint fit of images, from first poses to results.
+class JointFit
+{
+public:
+    /// @param num_before  Images that the prior comes from.
+    JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior, int num_before);
+
+    void add_image(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const FitResult* start,
+                   std::span<const Eigen::Matrix2d> covariances_px);
+    void run();
+    [[nodiscard]] JointFramesResult result() const;
+
+    /// Of the one image added, linearised at a fit of it, without a prior.
+    [[nodiscard]] IdentityInformation identity_information(const JointFitResult& at);
+
+private:
+    struct Image
+    {
+        const LandmarkSet* landmarks = nullptr;
+        JointImageMatcher matcher;
+        FitStatus status = FitStatus::success;
+        std::string reason = {};
+        Camera camera = {}; ///< Neutral where there is no usable pose.
+    };
+
+    void estimate_pose(Image& image, const Eigen::VectorXd& psi);
+    void match();
+    [[nodiscard]] FitResult unfitted_result(const Image& image) const;
+    [[nodiscard]] FitResult fit_result(std::size_t used_index) const;
+    void judge(JointFramesResult& result) const;
+
+    const FaceFitter& base_;
+    const JointOptions& options_;
+    const IdentityInformation& prior_;
+    int num_before_;
+    std::vector<Image> images_ = {};
+    JointProblem problem_; ///< Of the usable images only, in order.
+    std::vector<std::size_t> used_ = {};
+    JointState state_ = {};
+    std::vector<double> matched_scales_ = {};
+    JointProgress progress_ = {};
+    double total_us_ = 0.0;
+    double contour_us_ = 0.0;
+};
+
+inline JointFit::JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior,
+                          int num_before)
+    : base_(base), options_(options), prior_(prior), num_before_(num_before),
+      problem_(options, prior, base.landmark_points().num_expression_coefficients())
+{
+    state_.alpha = prior.matrix.ldlt().solve(prior.vector);
+    const double bound = options.max_coefficient;
+    state_.alpha = state_.alpha.cwiseMax(-bound).cwiseMin(bound);
+}
+
+inline void JointFit::add_image(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                                const FitResult* start, std::span<const Eigen::Matrix2d> covariances_px)
+{
+    const char* const function = "JointFitter::fit";
+    require_finite(principal_point_px, function, "principal_point_px");
+    Eigen::VectorXd psi = Eigen::VectorXd::Zero(base_.landmark_points().num_expression_coefficients());
+    if (start != nullptr) {
+        require_size(start->shape_coefficients.size(), state_.alpha.size(), function, "start->shape_coefficients");
+        require_finite(start->shape_coefficients, function, "start->shape_coefficients");
+        require_size(start->expression_coefficients.size(), psi.size(), function, "start->expression_coefficients");
+        require_finite(start->expression_coefficients, function, "start->expression_coefficients");
+        psi = start->expression_coefficients.cwiseMax(0.0).cwiseMin(options_.max_expression);
+        if (images_.empty()) {
+            const double bound = options_.max_coefficient;
+            state_.alpha = start->shape_coefficients.cwiseMax(-bound).cwiseMin(bound);
+        }
+    }
+    images_.push_back({&landmarks, JointImageMatcher(base_, options_, landmarks, covariances_px)});
+    images_.back().camera.principal_point_px = principal_point_px;
+    state_.psi.push_back(psi);
+}
+
+inline void JointFit::estimate_pose(Image& image, const Eigen::VectorXd& psi)
+{
+    const JointImage fixed = image.matcher.fixed_image();
+    const Eigen::Matrix3Xd shape = fixed.points.at(state_.alpha, psi);
+    const Eigen::Vector2d principal_point_px = image.camera.principal_point_px;
+    const PoseResult pose =
+        options_.focal_length_px
+            ? estimate_pose_perspective(shape, fixed.image_points, *options_.focal_length_px, {}, principal_point_px)
+            : lineament::estimate_pose(shape, fixed.image_points, {}, principal_point_px);
+    image.camera = pose.camera;
+    if (pose.status != FitStatus::success && pose.status != FitStatus::not_converged) {
+        image.status = pose.status;
+        image.reason = pose.reason;
+    }
+}
+
+inline void JointFit::match()
+{
+    const Stopwatch stopwatch(contour_us_);
+    matched_scales_.clear();
+    for (std::size_t f = 0; f < used_.size(); ++f) {
+        const double scale = state_.cameras[f].scale_px_per_mm;
+        const NoiseSharing noise{scale, static_cast<int>(used_.size()), num_before_, state_.bias.size() > 0};
+        images_[used_[f]].matcher.match(state_.cameras[f], state_.alpha, state_.psi[f], noise, problem_.images[f]);
+        matched_scales_.push_back(scale);
+    }
+}
+
+inline void JointFit::run()
+{
+    const Stopwatch stopwatch(total_us_);
+    std::vector<Eigen::VectorXd> psi;
+    for (std::size_t f = 0; f < images_.size(); ++f) {
+        estimate_pose(images_[f], state_.psi[f]);
+        if (images_[f].status == FitStatus::success) {
+            used_.push_back(f);
+            state_.cameras.push_back(images_[f].camera);
+            psi.push_back(state_.psi[f]);
+        }
+    }
+    state_.psi = psi;
+    if (used_.empty()) {
+        state_.alpha.setZero();
+        return;
+    }
+    const int num_images = static_cast<int>(used_.size());
+    problem_.images.resize(used_.size());
+    if (num_images > 1 && options_.bias_sigma_mm > 0) {
+        state_.bias = Eigen::Matrix3Xd::Zero(3, base_.landmark_map().num_landmarks());
+    }
+    for (int round = 0; round < options_.rounds; ++round) {
+        const bool is_last = round + 1 == options_.rounds;
+        match();
+        const double sum = std::accumulate(matched_scales_.begin(), matched_scales_.end(), 0.0);
+        const double reference = sum / num_images;
+        state_.phi_per_mm *= reference / problem_.reference_scale; // the same focal length
+        problem_.reference_scale = reference;
+        // Until the last round it is enough to come near.
+        minimize(problem_, state_, is_last ? options_.max_iterations : 3, is_last ? options_.tolerance : 0.1, round,
+                 progress_);
+    }
+}
+
+/// The covariance of the unknowns (K x K); rows of those held at a bound are 0.
+[[nodiscard]] inline Eigen::MatrixXd covariance_of(const JointProblem& problem, const JointState& state,
+                                                   const JointSystem& system)
+{
+    Eigen::VectorXd down, up;
+    problem.room(state, down, up);
+    const std::vector<int> free = free_unknowns(system, down, up);
+    const Eigen::Index size = system.gradient.size();
+    const Eigen::MatrixXd block = system.hessian(free, free);
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
+    covariance(free, free) = block.llt().solve(Eigen::MatrixXd::Identity(block.rows(), block.cols())).eval();
+    return covariance;
+}
+
+inline FitResult JointFit::unfitted_result(const Image& image) const
+{
+    FitResult result;
+    result.method = "joint";
+    result.status = image.status;
+    result.reason = image.reason;
+    result.camera = image.camera;
+    result.shape_coefficients = Eigen::VectorXd::Zero(state_.alpha.size());
+    result.expression_coefficients = Eigen::VectorXd::Zero(base_.landmark_points().num_expression_coefficients());
+    if (const Blendshapes* expressions = base_.expressions()) {
+        result.expression_set = expressions->name;
+        result.expression_names = expressions->names;
+    }
+    result.iterations = progress_.iterations;
+    result.timing.total_us = total_us_;
+    result.timing.contour_us = contour_us_;
+    for (const Landmark& landmark : image.landmarks->landmarks) {
+        result.landmarks.push_back({landmark.name, landmark.point_px, landmark.point_px, 0.0});
+    }
+    return result;
+}
+
+/// Where landmark map points are seen, for landmarks that the map knows.
+inline void show_map_points(const ModelPoints& points, const std::vector<int>& map_indices, FitResult& result)
+{
+    const Eigen::Matrix3Xd shape = points.at(result.shape_coefficients, result.expression_coefficients);
+    for (std::size_t l = 0; l < map_indices.size(); ++l) {
+        if (map_indices[l] >= 0) {
+            result.landmarks[l].fitted_px = result.camera.project(Eigen::Vector3d(shape.col(map_indices[l])));
+        }
+    }
+}
+
+inline FitResult JointFit::fit_result(std::size_t f) const
+{
+    const Image& image = images_[used_[f]];
+    const JointImage& seen = problem_.images[f];
+    FitResult result = unfitted_result(image);
+    result.camera = state_.cameras[f];
+    result.shape_coefficients = state_.alpha;
+    result.expression_coefficients = state_.psi[f];
+    show_map_points(base_.landmark_points(), image.matcher.map_indices(), result);
+    const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
+    const Eigen::Matrix3Xd shape = seen.points.at(state_.alpha, state_.psi[f]);
+    double sum = 0;
+    for (std::size_t i = 0; i < seen.used.size(); ++i) {
+        const JointPoint& used = seen.used[i];
+        const Eigen::Index column = static_cast<Eigen::Index>(i);
+        FittedLandmark& landmark = result.landmarks[static_cast<std::size_t>(used.landmark_index)];
+        const double squared = problem_.squared_residual(f, column, state_, with_bias);
+        landmark.fitted_px = result.camera.project(Eigen::Vector3d(shape.col(column)));
+        landmark.weight = image.landmarks->landmarks[static_cast<std::size_t>(used.landmark_index)].confidence *
+                          robust_weight(options_.loss, squared, used.num_dimensions) /
+                          robust_weight(options_.loss, 0.0, used.num_dimensions);
+        result.chi_square += squared;
+        sum += (landmark.fitted_px - landmark.point_px).squaredNorm();
+    }
+    result.rms_px = std::sqrt(sum / static_cast<double>(seen.used.size()));
+    result.chi_square +=
+        prior_squares(prior_, state_.alpha) + (state_.psi[f] / options_.expression_sigma).squaredNorm();
+    result.degrees_of_freedom = 2 * static_cast<int>(seen.used.size()) - 6;
+    return result;
+}
+
+inline void JointFit::judge(JointFramesResult& result) const
+{
+    const auto num_at_bound = (state_.alpha.array().abs() >= options_.max_coefficient).count();
+    result.status = FitStatus::success;
+    if (!progress_.has_settled) {
+        result.status = FitStatus::not_converged;
+        result.reason = "the joint fit did not settle in " + std::to_string(progress_.iterations) + " steps";
+    }
+    if (num_at_bound > 0) {
+        result.status = FitStatus::implausible;
+        result.reason = std::to_string(num_at_bound) + " shape coefficients were held at " +
+                        to_text(options_.max_coefficient) + " standard deviations";
+    }
+    for (const std::size_t f : used_) {
+        FitResult& fit = result.frames[f].fit;
+        fit.status = result.status;
+        fit.reason = result.reason;
+        if (-fit.camera.camera_from_model(2, 2) < min_facing_cosine) {
+            fit.status = FitStatus::implausible;
+            fit.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
+        }
+    }
+}
+
+inline JointFramesResult JointFit::result() const
+{
+    JointFramesResult result;
+    result.shape_coefficients = state_.alpha;
+    result.landmark_bias_mm = Eigen::Matrix3Xd::Zero(3, base_.landmark_map().num_landmarks());
+    result.num_used_frames = static_cast<int>(used_.size());
+    for (const Image& image : images_) {
+        result.frames.push_back({unfitted_result(image)});
+    }
+    if (used_.empty()) {
+        result.reason = "no image has a usable pose";
+        return result;
+    }
+    if (state_.bias.size() > 0) {
+        result.landmark_bias_mm = state_.bias;
+    }
+    const Eigen::MatrixXd covariance = covariance_of(problem_, state_, problem_.linearize(state_));
+    const Eigen::Index num_shape = problem_.num_shape();
+    const Eigen::Index num_expressions = problem_.num_own() - 6;
+    result.shape_covariance = covariance.topLeftCorner(num_shape, num_shape);
+    result.chi_square = problem_.chi_square(state_);
+    for (std::size_t f = 0; f < used_.size(); ++f) {
+        JointFitResult& frame = result.frames[used_[f]];
+        frame.fit = fit_result(f);
+        result.degrees_of_freedom += frame.fit.degrees_of_freedom;
+        const Eigen::Index begin = problem_.own_begin(f) + 6;
+        frame.covariance.resize(num_shape + num_expressions, num_shape + num_expressions);
+        frame.covariance << result.shape_covariance, covariance.block(0, begin, num_shape, num_expressions),
+            covariance.block(begin, 0, num_expressions, num_shape),
+            covariance.block(begin, begin, num_expressions, num_expressions);
+        frame.matched_scale_px_per_mm = matched_scales_[f];
+        frame.scale_strength = problem_.images[f].scale_strength;
+        frame.energies = progress_.energies;
+    }
+    judge(result);
+    return result;
+}
+
+inline IdentityInformation JointFit::identity_information(const JointFitResult& at)
+{
+    used_ = {0};
+    problem_.images.resize(1);
+    problem_.images[0].scale_strength = at.scale_strength;
+    state_.alpha = at.fit.shape_coefficients;
+    state_.cameras = {at.fit.camera};
+    problem_.reference_scale = at.fit.camera.scale_px_per_mm;
+    state_.phi_per_mm = at.fit.camera.phi_per_mm;
+    const NoiseSharing noise{at.matched_scale_px_per_mm, 1, num_before_, false};
+    images_[0].matcher.match(state_.cameras[0], state_.alpha, state_.psi[0], noise, problem_.images[0]);
+
+    const JointSystem system = problem_.linearize(state_);
+    Eigen::VectorXd down, up;
+    problem_.room(state_, down, up);
+    std::vector<int> others = free_unknowns(system, down, up); // camera and free expressions
+    const int num_shape = static_cast<int>(problem_.num_shape());
+    std::erase_if(others, [&](int i) { return i < num_shape; });
+    const Eigen::MatrixXd cross = system.hessian.leftCols(num_shape)(others, Eigen::all);
+    const Eigen::LLT<Eigen::MatrixXd> cholesky(Eigen::MatrixXd(system.hessian(others, others)));
+    IdentityInformation information;
+    information.matrix = system.hessian.topLeftCorner(num_shape, num_shape) - cross.transpose() * cholesky.solve(cross);
+    information.vector = information.matrix * state_.alpha - system.gradient.head(num_shape) +
+                         cross.transpose() * cholesky.solve(Eigen::VectorXd(system.gradient(others)));
+    return information;
+}
+
+} // namespace lineament::detail
+
+#endif

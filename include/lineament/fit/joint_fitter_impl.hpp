@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_JOINT_FITTER_IMPL_HPP
+#define LINEAMENT_FIT_JOINT_FITTER_IMPL_HPP
+
+#include "lineament/fit/joint_fit_impl.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace lineament {
+
+inline void JointOptions::check() const
+{
+    const auto require_positive = [](double value, const char* member) {
+        require(std::isfinite(value) && value > 0, "JointOptions", member, "a finite number > 0", to_text(value));
+    };
+    const auto require_not_negative = [](double value, const char* member) {
+        require(std::isfinite(value) && value >= 0, "JointOptions", member, "a finite number >= 0", to_text(value));
+    };
+    require_positive(landmark_sigma_mm, "landmark_sigma_mm");
+    require_positive(contour_sigma_mm, "contour_sigma_mm");
+    require_not_negative(contour_along_sigma_mm, "contour_along_sigma_mm");
+    for (const auto& [name, covariance] : covariances_mm) {
+        detail::require_covariance(covariance, "JointOptions", "covariances_mm[\"" + name + "\"]");
+    }
+    require_not_negative(bias_sigma_mm, "bias_sigma_mm");
+    require_positive(expression_sigma, "expression_sigma");
+    require_positive(max_expression, "max_expression");
+    require_positive(max_coefficient, "max_coefficient");
+    require(contour_trim >= 0 && contour_trim < 1, "JointOptions", "contour_trim", "at least 0, less than 1",
+            to_text(contour_trim));
+    require_positive(phi_sigma_per_mm.value_or(1.0), "phi_sigma_per_mm");
+    require(!focal_length_px || !phi_sigma_per_mm, "JointOptions", "phi_sigma_per_mm",
+            "nothing where focal_length_px is known", to_text(phi_sigma_per_mm.value_or(0)));
+    require(rounds >= 1, "JointOptions", "rounds", ">= 1", std::to_string(rounds));
+    require(max_iterations >= 1, "JointOptions", "max_iterations", ">= 1", std::to_string(max_iterations));
+    require_positive(tolerance, "tolerance");
+}
+
+namespace detail {
+
+/// The options of the fitter that prepares landmark rows and outline; it checks those members too.
+[[nodiscard]] inline FitOptions base_options(const JointOptions& options)
+{
+    options.check();
+    FitOptions base;
+    base.contour = options.contour;
+    base.contour_matching = options.contour_matching;
+    base.expression_set = options.expression_set;
+    base.num_shape_coefficients = options.num_shape_coefficients;
+    base.focal_length_px = options.focal_length_px;
+    return base;
+}
+
+} // namespace detail
+
+inline JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options)
+    : options_(std::move(options)), base_(std::move(model), std::move(scheme), detail::base_options(options_))
+{}
+
+inline JointFitResult JointFitter::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                                       const FitResult* start, std::span<const Eigen::Matrix2d> covariances_px,
+                                       const IdentityFilter* earlier) const
+{
+    const IdentityFilter none(num_shape_coefficients());
+    const IdentityFilter& filter = earlier != nullptr ? *earlier : none;
+    require_size(filter.state().vector.size(), num_shape_coefficients(), "JointFitter::fit", "earlier");
+    detail::JointFit fit(base_, options_, filter.state(), filter.num_images());
+    fit.add_image(landmarks, principal_point_px, start, covariances_px);
+    fit.run();
+    return std::move(fit.result().frames.front());
+}
+
+inline JointFramesResult JointFitter::fit_frames(std::span<const LandmarkSet> frames,
+                                                 const Eigen::Vector2d& principal_point_px,
+                                                 std::span<const FitResult> starts) const
+{
+    require(starts.empty() || starts.size() == frames.size(), "JointFitter::fit_frames", "starts",
+            "none, or one for each image", std::to_string(starts.size()));
+    const IdentityFilter none(num_shape_coefficients());
+    detail::JointFit fit(base_, options_, none.state(), 0);
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+        fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f], {});
+    }
+    fit.run();
+    return fit.result();
+}
+
+inline IdentityInformation JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitResult& at,
+                                                             int num_earlier) const
+{
+    require(at.covariance.size() > 0, "JointFitter::identity_information", "at", "a fit with a usable pose",
+            to_string(at.fit.status));
+    require(num_earlier >= 0, "JointFitter::identity_information", "num_earlier", ">= 0", std::to_string(num_earlier));
+    const Eigen::Index size = num_shape_coefficients();
+    const IdentityInformation nothing{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+    detail::JointFit fit(base_, options_, nothing, num_earlier);
+    fit.add_image(landmarks, at.fit.camera.principal_point_px, &at.fit, {});
+    return fit.identity_information(at);
+}
+
+namespace detail {
+
+/// Square roots of the diagonal of B C B^T, for a row-stacked B (3V x n) and covariance C.
+[[nodiscard]] inline Eigen::Matrix3Xf spread_over_vertices(const Eigen::MatrixXf& basis,
+                                                           const Eigen::MatrixXd& covariance)
+{
+    const Eigen::MatrixXf product = basis * covariance.cast<float>();
+    Eigen::Matrix3Xf spread(3, basis.rows() / 3);
+    Eigen::Map<Eigen::VectorXf>(spread.data(), spread.size()) =
+        product.cwiseProduct(basis).rowwise().sum().cwiseMax(0.0f).cwiseSqrt();
+    return spread;
+}
+
+} // namespace detail
+
+inline Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model, const Eigen::MatrixXd& shape_covariance)
+{
+    const char* const function = "vertex_standard_deviations";
+    const Eigen::Index count = shape_covariance.rows();
+    require(shape_covariance.cols() == count && count <= model.shape.num_coefficients(), function, "shape_covariance",
+            "a square matrix of at most " + std::to_string(model.shape.num_coefficients()) + " rows",
+            std::to_string(count) + " x " + std::to_string(shape_covariance.cols()));
+    require_finite(shape_covariance, function, "shape_covariance");
+    const Eigen::MatrixXf basis =
+        model.shape.basis.leftCols(count) * model.shape.standard_deviations.head(count).asDiagonal();
+    return detail::spread_over_vertices(basis, shape_covariance);
+}
+
+inline Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model, const JointFitResult& result)
+{
+    const char* const function = "vertex_standard_deviations";
+    const Eigen::Index num_shape = result.fit.shape_coefficients.size();
+    const Eigen::Index num_expressions = result.fit.expression_coefficients.size();
+    require(num_shape <= model.shape.num_coefficients(), function, "result.fit.shape_coefficients",
+            "at most " + std::to_string(model.shape.num_coefficients()), std::to_string(num_shape));
+    require_size(result.covariance.rows(), num_shape + num_expressions, function, "result.covariance");
+    require_size(result.covariance.cols(), num_shape + num_expressions, function, "result.covariance");
+    require_finite(result.covariance, function, "result.covariance");
+    Eigen::MatrixXf basis(model.shape.mean.size(), num_shape + num_expressions);
+    basis.leftCols(num_shape) =
+        model.shape.basis.leftCols(num_shape) * model.shape.standard_deviations.head(num_shape).asDiagonal();
+    if (num_expressions > 0) {
+        const Blendshapes* set = model.find_expression_set(result.fit.expression_set);
+        require(set != nullptr && set->num_coefficients() == num_expressions, function, "result.fit.expression_set",
+                "one of the model's expression sets", "\"" + result.fit.expression_set + "\"");
+        basis.rightCols(num_expressions) = set->offsets;
+    }
+    return detail::spread_over_vertices(basis, result.covariance);
+}
+
+} // namespace lineament
+
+#endif

@@ -1,0 +1,305 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_JOINT_IMAGE_IMPL_HPP
+#define LINEAMENT_FIT_JOINT_IMAGE_IMPL_HPP
+
+#include "lineament/fit/joint_problem_impl.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace lineament::detail {
+
+/// An outline landmark, and where the model's outline comes nearest to it.
+struct OutlineMatch
+{
+    int landmark_index = 0;
+    int vertex = 0;
+    int next_vertex = 0; ///< The point lies at `fraction` from vertex to next_vertex.
+    double fraction = 0.0;
+    Eigen::Vector2d normal = Eigen::Vector2d::Zero(); ///< Of the projected outline, unit; zero where it has none.
+    double distance_px = 0.0;                         ///< Across the outline.
+};
+
+/// The nearest point of the projected polyline of candidates, ear to chin.
+[[nodiscard]] inline OutlineMatch match_polyline(const std::vector<int>& vertices, const Eigen::Matrix2Xd& projected,
+                                                 const Eigen::Vector2d& landmark)
+{
+    OutlineMatch best;
+    double least = std::numeric_limits<double>::infinity();
+    for (Eigen::Index i = 0; i + 1 < projected.cols(); ++i) {
+        const Eigen::Vector2d along = projected.col(i + 1) - projected.col(i);
+        const double length = along.squaredNorm();
+        const double fraction =
+            length > 0 ? std::clamp(along.dot(landmark - projected.col(i)) / length, 0.0, 1.0) : 0.0;
+        const double distance = (projected.col(i) + fraction * along - landmark).squaredNorm();
+        if (distance < least) {
+            least = distance;
+            const Eigen::Index before = std::max<Eigen::Index>(i - 1, 0); // the direction over three segments
+            const Eigen::Index after = std::min<Eigen::Index>(i + 2, projected.cols() - 1);
+            const Eigen::Vector2d tangent = (projected.col(after) - projected.col(before)).normalized();
+            best.vertex = vertices[static_cast<std::size_t>(i)];
+            best.next_vertex = vertices[static_cast<std::size_t>(i + 1)];
+            best.fraction = fraction;
+            best.normal = {-tangent.y(), tangent.x()};
+            best.distance_px = std::abs(best.normal.dot(landmark - projected.col(i) - fraction * along));
+        }
+    }
+    return best;
+}
+
+/// The nearest silhouette vertex, and the direction of the silhouette around it.
+[[nodiscard]] inline OutlineMatch match_silhouette(const std::vector<int>& vertices, const Eigen::Matrix2Xd& projected,
+                                                   const Eigen::Vector2d& landmark, double radius_px)
+{
+    OutlineMatch best;
+    const auto [nearest, distance_px] = nearest_column(projected, landmark);
+    best.vertex = best.next_vertex = vertices[static_cast<std::size_t>(nearest)];
+    best.distance_px = distance_px;
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d moments = Eigen::Matrix2d::Zero();
+    int count = 0;
+    for (Eigen::Index i = 0; i < projected.cols(); ++i) {
+        const Eigen::Vector2d offset = projected.col(i) - projected.col(nearest);
+        if (offset.squaredNorm() <= radius_px * radius_px) {
+            mean += offset;
+            moments += offset * offset.transpose();
+            ++count;
+        }
+    }
+    moments -= mean * mean.transpose() / count;
+    // Direction of the larger eigenvalue of a symmetric 2 x 2 matrix; a round cluster has none.
+    const double difference = moments(0, 0) - moments(1, 1);
+    const double spread = std::hypot(difference, 2 * moments(0, 1));
+    if (count >= 3 && spread > 0.5 * moments.trace()) {
+        const double angle = 0.5 * std::atan2(2 * moments(0, 1), difference);
+        best.normal = {-std::sin(angle), std::cos(angle)};
+        best.distance_px = std::abs(best.normal.dot(landmark - projected.col(nearest)));
+    }
+    return best;
+}
+
+/// What turns the options' noise into that of one image.
+struct NoiseSharing
+{
+    double scale_px_per_mm = 1.0; ///< s_0.
+    int num_images = 1;           ///< Fitted together.
+    int num_before = 0;           ///< Images of the same person in the prior.
+    bool has_bias = false;        ///< Points tied to their map point have a bias among the unknowns.
+};
+
+/// Ties the landmarks of one image to model points, round by round, and gives them their weights.
+class JointImageMatcher
+{
+public:
+    JointImageMatcher(const FaceFitter& base, const JointOptions& options, const LandmarkSet& landmarks,
+                      std::span<const Eigen::Matrix2d> covariances_px);
+
+    [[nodiscard]] const std::vector<int>& map_indices() const { return map_indices_; }
+
+    /// Points and weights for a camera and shape; `noise` says how mm become px and what images have in common.
+    void match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+               const NoiseSharing& noise, JointImage& image);
+
+    /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
+    [[nodiscard]] JointImage fixed_image() const;
+
+private:
+    [[nodiscard]] std::vector<OutlineMatch> match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
+                                                          const Eigen::VectorXd& psi);
+    /// The noise of a landmark, stated for it or by default, and its bias where that counts as noise.
+    [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_sigma_mm, const NoiseSharing& noise,
+                                                bool has_bias) const;
+    [[nodiscard]] bool is_outline(int landmark_index) const
+    {
+        return base_.scheme() == "ibug68" && outline_side(landmarks_.landmarks[landmark_index].name).has_value();
+    }
+
+    const FaceFitter& base_;
+    const JointOptions& options_;
+    const LandmarkSet& landmarks_;
+    std::span<const Eigen::Matrix2d> covariances_px_;
+    std::vector<int> map_indices_ = {}; ///< Per landmark: its position in the map, or -1.
+    std::vector<int> fixed_ = {};       ///< Landmarks tied to their map point.
+    std::vector<int> outline_ = {};     ///< Landmarks to re-match.
+    ContourView view_ = ContourView::frontal;
+    Eigen::Matrix3Xf shape_vertices_ = {};
+};
+
+/// @throws InvalidArgument unless symmetric, finite and positive definite.
+inline void require_covariance(const Eigen::Matrix2d& covariance, const char* function, const std::string& place)
+{
+    require_finite(covariance, function, place.c_str());
+    require(covariance(0, 1) == covariance(1, 0) && covariance(0, 0) > 0 && covariance.determinant() > 0, function,
+            place.c_str(), "a symmetric positive definite matrix", "another");
+}
+
+inline JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointOptions& options,
+                                            const LandmarkSet& landmarks,
+                                            std::span<const Eigen::Matrix2d> covariances_px)
+    : base_(base), options_(options), landmarks_(landmarks), covariances_px_(covariances_px)
+{
+    const char* const function = "JointFitter::fit";
+    require(landmarks.scheme == base.scheme(), function, "landmarks.scheme", base.scheme(), landmarks.scheme);
+    require(covariances_px.empty() || covariances_px.size() == landmarks.landmarks.size(), function, "covariances_px",
+            "none, or one for each landmark", std::to_string(covariances_px.size()));
+    for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
+        const Landmark& landmark = landmarks.landmarks[l];
+        const std::string place = "landmark \"" + landmark.name + "\"";
+        require_finite(landmark.point_px, function, place.c_str());
+        require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
+                "0 to 1", to_text(landmark.confidence));
+        if (!covariances_px.empty()) {
+            require_covariance(covariances_px[l], function, place + ".covariance_px");
+        }
+        map_indices_.push_back(base.landmark_map().index_of(landmark.name));
+        if (map_indices_.back() < 0 || landmark.confidence == 0) {
+            continue;
+        }
+        if (!is_outline(static_cast<int>(l)) || options.contour == ContourMode::fixed) {
+            fixed_.push_back(static_cast<int>(l));
+        } else if (base.contour()) {
+            outline_.push_back(static_cast<int>(l));
+        }
+    }
+    if (!outline_.empty()) {
+        shape_vertices_.resize(3, base.model().num_vertices());
+    }
+}
+
+inline Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, double default_sigma_mm,
+                                                        const NoiseSharing& noise, bool has_bias) const
+{
+    const double mm_sq = noise.scale_px_per_mm * noise.scale_px_per_mm; // [px^2/mm^2]
+    const auto named = options_.covariances_mm.find(landmarks_.landmarks[landmark_index].name);
+    const Eigen::Matrix2d unit = Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d own = !covariances_px_.empty() ? covariances_px_[landmark_index]
+                                : named != options_.covariances_mm.end()
+                                    ? Eigen::Matrix2d(mm_sq * named->second)
+                                    : mm_sq * default_sigma_mm * default_sigma_mm * unit;
+    if (has_bias) {
+        return own;
+    }
+    // What F images say of a point with noise C and common offset T is (C / F + T)^-1. Shared out evenly that is C + F
+    // T for each; one by one, image n adds what n have over n - 1.                        docs/joint-fit.md, Eq. (18)
+    const Eigen::Matrix2d common = mm_sq * options_.bias_sigma_mm * options_.bias_sigma_mm * unit;
+    if (noise.num_images > 1) {
+        return own + noise.num_images * common;
+    }
+    return (own + (noise.num_before + 1) * common) * own.inverse() * (own + noise.num_before * common);
+}
+
+inline JointImage JointImageMatcher::fixed_image() const
+{
+    JointImage image;
+    const Eigen::Index count = static_cast<Eigen::Index>(fixed_.size());
+    const ModelPoints& all = base_.landmark_points();
+    image.points = ModelPoints::sized(count, all.num_shape_coefficients(), all.num_expression_coefficients());
+    image.image_points.resize(2, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const int l = fixed_[static_cast<std::size_t>(i)];
+        image.points.assign(i, all, map_indices_[l]);
+        image.image_points.col(i) = landmarks_.landmarks[l].point_px;
+        image.used.push_back({l, -1, 2, Eigen::Matrix2d::Identity()});
+    }
+    return image;
+}
+
+inline std::vector<OutlineMatch> JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
+                                                                  const Eigen::VectorXd& psi)
+{
+    std::vector<OutlineMatch> matches;
+    const ContourOptions& options = options_.contour_matching;
+    const bool is_both = options_.contour == ContourMode::both && options.occluding_match != OccludingMatch::none;
+    view_ = contour_view(angles_from_rotation(camera.camera_from_model).yaw, view_, options);
+    base_.update_shape(alpha, psi, is_both ? view_ : ContourView::frontal, shape_vertices_);
+    for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
+        const bool is_occluding =
+            view_ == (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left);
+        if (is_occluding && !is_both) {
+            continue;
+        }
+        const std::vector<int> vertices =
+            is_occluding
+                ? base_.contour()->silhouette_vertices(shape_vertices_, camera, side, options.occlusion_depth_mm)
+                : base_.contour()->candidates(side);
+        if (vertices.size() < 2) {
+            continue;
+        }
+        const Eigen::Matrix2Xd projected = project_vertices(shape_vertices_, vertices, camera);
+        for (const int l : outline_) {
+            const Landmark& landmark = landmarks_.landmarks[l];
+            if (outline_side(landmark.name) != side) {
+                continue;
+            }
+            OutlineMatch match =
+                is_occluding ? match_silhouette(vertices, projected, landmark.point_px, 15.0 * camera.scale_px_per_mm)
+                             : match_polyline(vertices, projected, landmark.point_px);
+            match.landmark_index = l;
+            if (!is_occluding || match.distance_px <= options.max_distance_mm * camera.scale_px_per_mm) {
+                matches.push_back(match);
+            }
+        }
+    }
+    const auto num_trimmed = std::lround(options_.contour_trim * static_cast<double>(matches.size()));
+    std::stable_sort(matches.begin(), matches.end(),
+                     [](const OutlineMatch& a, const OutlineMatch& b) { return a.distance_px < b.distance_px; });
+    matches.resize(matches.size() - static_cast<std::size_t>(num_trimmed));
+    return matches;
+}
+
+inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+                                     const NoiseSharing& noise, JointImage& image)
+{
+    const std::vector<OutlineMatch> matches =
+        outline_.empty() ? std::vector<OutlineMatch>() : match_outline(camera, alpha, psi);
+    const Eigen::Index num_fixed = static_cast<Eigen::Index>(fixed_.size());
+    const Eigen::Index count = num_fixed + static_cast<Eigen::Index>(matches.size());
+    if (image.points.num_points() != count) {
+        JointImage fixed = fixed_image();
+        const ModelPoints& all = base_.landmark_points();
+        image.points = ModelPoints::sized(count, all.num_shape_coefficients(), all.num_expression_coefficients());
+        image.image_points.resize(2, count);
+        for (Eigen::Index i = 0; i < num_fixed; ++i) {
+            image.points.assign(i, fixed.points, i);
+            image.image_points.col(i) = fixed.image_points.col(i);
+        }
+    }
+    image.used.clear();
+    const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::Matrix2d& covariance) {
+        const Eigen::Matrix2d weight = landmarks_.landmarks[l].confidence * covariance.inverse();
+        image.used.push_back({l, bias_index, num_dimensions, weight.llt().matrixU()});
+    };
+    for (const int l : fixed_) {
+        const double sigma_mm = is_outline(l) ? options_.contour_sigma_mm : options_.landmark_sigma_mm;
+        add(l, noise.has_bias ? map_indices_[l] : -1, 2, covariance_px(l, sigma_mm, noise, noise.has_bias));
+    }
+    ModelPoints ends =
+        ModelPoints::sized(2, image.points.num_shape_coefficients(), image.points.num_expression_coefficients());
+    for (std::size_t m = 0; m < matches.size(); ++m) {
+        const OutlineMatch& match = matches[m];
+        const Eigen::Index i = num_fixed + static_cast<Eigen::Index>(m);
+        base_.assign_vertex(ends, 0, match.vertex);
+        base_.assign_vertex(ends, 1, match.next_vertex);
+        const auto between = [&](const auto& first, const auto& second) {
+            return (1 - match.fraction) * first + match.fraction * second;
+        };
+        image.points.mean.col(i) = between(ends.mean.col(0), ends.mean.col(1));
+        image.points.identity.middleCols<3>(3 * i) =
+            between(ends.identity.middleCols<3>(0), ends.identity.middleCols<3>(3));
+        image.points.expression.middleCols<3>(3 * i) =
+            between(ends.expression.middleCols<3>(0), ends.expression.middleCols<3>(3));
+        image.image_points.col(i) = landmarks_.landmarks[match.landmark_index].point_px;
+        const Eigen::Vector2d tangent(-match.normal.y(), match.normal.x());
+        const double along_px = noise.scale_px_per_mm * options_.contour_along_sigma_mm;
+        add(match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
+            covariance_px(match.landmark_index, options_.contour_sigma_mm, noise, false) +
+                along_px * along_px * tangent * tangent.transpose());
+    }
+}
+
+} // namespace lineament::detail
+
+#endif

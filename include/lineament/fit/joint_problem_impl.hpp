@@ -1,0 +1,367 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_JOINT_PROBLEM_IMPL_HPP
+#define LINEAMENT_FIT_JOINT_PROBLEM_IMPL_HPP
+
+#include "lineament/fit/pose.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace lineament::detail {
+
+/// A model point tied to a landmark.
+struct JointPoint
+{
+    int landmark_index = 0;
+    int bias_index = -1;                                ///< Position in the landmark map if it has a bias, or -1.
+    int num_dimensions = 2;                             ///< 1 for a point on a re-matched outline.
+    Eigen::Matrix2d root = Eigen::Matrix2d::Identity(); ///< U with W = U^T U [1/px].
+};
+
+/// What of one image enters the energy. Constant within a round.
+struct JointImage
+{
+    std::vector<JointPoint> used = {}; ///< One per point below.
+    ModelPoints points = {};
+    Eigen::Matrix2Xd image_points = {};
+    double scale_strength = 0.0; ///< n_f.
+};
+
+/// The unknowns.
+struct JointState
+{
+    Eigen::VectorXd alpha = {};
+    double phi_per_mm = 0.0; ///< Of the shared unknown focal length, at the problem's reference scale.
+    std::vector<Camera> cameras = {};
+    std::vector<Eigen::VectorXd> psi = {};
+    Eigen::Matrix3Xd bias = {}; ///< 3 x L, or empty.
+};
+
+/// Half the gradient and the Gauss-Newton matrix of half the energy, landmark biases eliminated. The unknowns are
+/// [alpha | phi, where unknown | for each image: turn 3, log s, tau 2, psi].
+struct JointSystem
+{
+    Eigen::MatrixXd hessian = {};  ///< K x K, symmetric.
+    Eigen::VectorXd gradient = {}; ///< K.
+
+    // Needed for the scale term and to recover the biases:
+    std::vector<Eigen::MatrixXd> image_grams = {};       ///< J^T W J of each image's own unknowns, priors left out.
+    std::vector<Eigen::MatrixXd> image_couplings = {};   ///< With the biases, each image's own part, x 3L.
+    std::vector<Eigen::MatrixXd> image_bias_blocks = {}; ///< 3 x 3L, each image's part of the biases' own blocks.
+    Eigen::MatrixXd bias_coupling = {};                  ///< K x 3L.
+    Eigen::MatrixXd bias_inverse = {};                   ///< 3 x 3L, inverse blocks.
+    Eigen::Matrix3Xd bias_gradient = {};                 ///< 3 x L.
+};
+
+/// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
+[[nodiscard]] inline double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha)
+{
+    const Eigen::VectorXd offset = alpha - prior.matrix.ldlt().solve(prior.vector);
+    return offset.dot(prior.matrix * offset);
+}
+
+/// Energy (7) of a round, its derivatives and its moves.
+class JointProblem
+{
+public:
+    JointProblem(const JointOptions& options, const IdentityInformation& prior, Eigen::Index num_expressions)
+        : options_(options), prior_(prior), num_expressions_(num_expressions)
+    {}
+
+    std::vector<JointImage> images = {};
+    double reference_scale = 1.0; ///< phi of the shared focal length is that of an image of this scale.
+
+    [[nodiscard]] Eigen::Index num_shape() const { return prior_.vector.size(); }
+    [[nodiscard]] Eigen::Index num_shared() const { return num_shape() + has_phi(); }
+    [[nodiscard]] Eigen::Index num_own() const { return 6 + num_expressions_; }
+    [[nodiscard]] Eigen::Index num_unknowns() const
+    {
+        return num_shared() + num_own() * static_cast<Eigen::Index>(images.size());
+    }
+    [[nodiscard]] Eigen::Index own_begin(std::size_t image) const
+    {
+        return num_shared() + num_own() * static_cast<Eigen::Index>(image);
+    }
+    [[nodiscard]] bool is_camera(Eigen::Index unknown) const
+    {
+        return unknown >= num_shape() && (unknown < num_shared() || (unknown - num_shared()) % num_own() < 6);
+    }
+
+    /// Infinite where a point lies too near the camera's plane.
+    [[nodiscard]] double energy(const JointState& state) const;
+
+    /// Weighted squares of residuals and priors, without robust loss and scale term.
+    [[nodiscard]] double chi_square(const JointState& state) const;
+
+    [[nodiscard]] JointSystem linearize(const JointState& state) const;
+
+    /// How far each unknown may go down and up.
+    void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
+
+    /// The state after a step within that room; biases follow by themselves.
+    [[nodiscard]] JointState moved(const JointState& state, const JointSystem& system,
+                                   const Eigen::VectorXd& step) const;
+
+    /// Weighted squared distance of a point from its landmark.
+    [[nodiscard]] double squared_residual(std::size_t image, Eigen::Index point, const JointState& state,
+                                          const Eigen::Matrix3Xd& shape) const;
+
+    /// Model points of an image with expression and bias (3 x N).
+    [[nodiscard]] Eigen::Matrix3Xd shape_of_points(std::size_t image, const JointState& state) const;
+
+private:
+    [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }
+    [[nodiscard]] double prior_energy(const JointState& state) const;
+    void set_phi(JointState& state) const;
+    void add_image(std::size_t image, const JointState& state, JointSystem& system) const;
+    void eliminate_biases(const JointState& state, JointSystem& system) const;
+
+    const JointOptions& options_;
+    const IdentityInformation& prior_;
+    Eigen::Index num_expressions_;
+};
+
+inline Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
+{
+    const JointImage& seen = images[image];
+    Eigen::Matrix3Xd shape = seen.points.at(state.alpha, state.psi[image]);
+    for (std::size_t i = 0; i < seen.used.size(); ++i) {
+        if (seen.used[i].bias_index >= 0) {
+            shape.col(static_cast<Eigen::Index>(i)) += state.bias.col(seen.used[i].bias_index);
+        }
+    }
+    return shape;
+}
+
+inline double JointProblem::squared_residual(std::size_t image, Eigen::Index point, const JointState& state,
+                                             const Eigen::Matrix3Xd& shape) const
+{
+    const JointImage& seen = images[image];
+    const Eigen::Vector2d fitted = state.cameras[image].project(Eigen::Vector3d(shape.col(point)));
+    return (seen.used[static_cast<std::size_t>(point)].root * (fitted - seen.image_points.col(point))).squaredNorm();
+}
+
+inline double JointProblem::prior_energy(const JointState& state) const
+{
+    // (a - mu)^T Lambda (a - mu) up to a constant that is zero for N(0, I)
+    double energy = state.alpha.dot(prior_.matrix * state.alpha) - 2 * state.alpha.dot(prior_.vector);
+    for (const Eigen::VectorXd& psi : state.psi) {
+        energy += (psi / options_.expression_sigma).squaredNorm();
+    }
+    if (has_phi()) {
+        energy += std::pow(state.phi_per_mm / *options_.phi_sigma_per_mm, 2);
+    }
+    if (state.bias.size() > 0) {
+        energy += (state.bias / options_.bias_sigma_mm).squaredNorm();
+    }
+    return energy;
+}
+
+inline double JointProblem::energy(const JointState& state) const
+{
+    double energy = prior_energy(state);
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        const Camera& camera = state.cameras[f];
+        const Eigen::Matrix3Xd shape = shape_of_points(f, state);
+        if (camera.phi_per_mm > 0 && !is_in_front(camera, shape)) {
+            return std::numeric_limits<double>::infinity();
+        }
+        for (Eigen::Index i = 0; i < shape.cols(); ++i) {
+            energy += robust_loss(options_.loss, squared_residual(f, i, state, shape),
+                                  images[f].used[static_cast<std::size_t>(i)].num_dimensions);
+        }
+        energy += 2 * images[f].scale_strength * std::log(camera.scale_px_per_mm);
+    }
+    return energy;
+}
+
+inline double JointProblem::chi_square(const JointState& state) const
+{
+    double sum = prior_energy(state) + 2 * state.alpha.dot(prior_.vector) -
+                 state.alpha.dot(prior_.matrix * state.alpha) + prior_squares(prior_, state.alpha);
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        const Eigen::Matrix3Xd shape = shape_of_points(f, state);
+        for (Eigen::Index i = 0; i < shape.cols(); ++i) {
+            sum += squared_residual(f, i, state, shape);
+        }
+    }
+    return sum;
+}
+
+/// d x / d phi of one point.
+[[nodiscard]] inline Eigen::Vector2d phi_jacobian(const Camera& camera, const Eigen::Vector3d& point)
+{
+    const Eigen::Vector3d in_camera = camera.in_camera(point);
+    const double inverse_depth = 1 / (1 + camera.phi_per_mm * in_camera.z());
+    return -camera.scale_px_per_mm * inverse_depth * inverse_depth * in_camera.z() * in_camera.head<2>();
+}
+
+inline void JointProblem::add_image(std::size_t image, const JointState& state, JointSystem& system) const
+{
+    const JointImage& seen = images[image];
+    const Camera& camera = state.cameras[image];
+    const Eigen::Matrix3Xd shape = shape_of_points(image, state);
+    const Eigen::Index shared = num_shared();
+    const Eigen::Index size = shared + num_own();
+    const Eigen::Index num_points = shape.cols();
+    const Eigen::Index num_biases = state.bias.cols();
+    Eigen::MatrixXd rows(size, 2 * num_points); // J^T of this image's unknowns, times the roots of the weights
+    Eigen::VectorXd residuals(2 * num_points);
+    Eigen::MatrixXd coupling = Eigen::MatrixXd::Zero(num_biases > 0 ? size : 0, 3 * num_biases);
+    Eigen::MatrixXd bias_blocks = Eigen::MatrixXd::Zero(3, 3 * num_biases);
+    const double phi_by_shared = camera.scale_px_per_mm / reference_scale;
+
+    for (Eigen::Index i = 0; i < num_points; ++i) {
+        const JointPoint& used = seen.used[static_cast<std::size_t>(i)];
+        const Eigen::Vector3d point = shape.col(i);
+        const Eigen::Vector2d residual = used.root * (camera.project(point) - seen.image_points.col(i));
+        const double weight = robust_weight(options_.loss, residual.squaredNorm(), used.num_dimensions);
+        const Eigen::Matrix2d root = std::sqrt(weight) * used.root;
+        const Eigen::Matrix<double, 2, 3> by_point = root * camera.jacobian(point);
+        auto columns = rows.middleCols<2>(2 * i);
+        columns.topRows(num_shape()).noalias() = seen.points.identity.middleCols<3>(3 * i) * by_point.transpose();
+        if (has_phi()) {
+            columns.row(num_shape()) = (phi_by_shared * root * phi_jacobian(camera, point)).transpose();
+        }
+        columns.middleRows<6>(shared) = (root * pose_jacobian(camera, point)).transpose();
+        columns.bottomRows(num_expressions_).noalias() =
+            seen.points.expression.middleCols<3>(3 * i) * by_point.transpose();
+        residuals.segment<2>(2 * i) = std::sqrt(weight) * residual;
+        if (used.bias_index >= 0) {
+            const Eigen::Index b = used.bias_index;
+            coupling.middleCols<3>(3 * b).noalias() += columns * by_point;
+            bias_blocks.middleCols<3>(3 * b).noalias() += by_point.transpose() * by_point;
+            system.bias_gradient.col(b).noalias() += by_point.transpose() * residuals.segment<2>(2 * i);
+        }
+    }
+    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(size, size);
+    gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
+    gram.triangularView<Eigen::StrictlyUpper>() = gram.transpose();
+    const Eigen::VectorXd gradient = rows * residuals;
+    const Eigen::Index begin = own_begin(image);
+    system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
+    system.hessian.block(begin, 0, num_own(), shared) = gram.bottomLeftCorner(num_own(), shared);
+    system.hessian.block(0, begin, shared, num_own()) = gram.topRightCorner(shared, num_own());
+    system.hessian.block(begin, begin, num_own(), num_own()) = gram.bottomRightCorner(num_own(), num_own());
+    system.gradient.head(shared) += gradient.head(shared);
+    system.gradient.segment(begin, num_own()) = gradient.tail(num_own());
+    if (num_biases > 0) {
+        system.bias_coupling.topRows(shared) += coupling.topRows(shared);
+        system.bias_coupling.middleRows(begin, num_own()) = coupling.bottomRows(num_own());
+    }
+    system.image_grams.push_back(std::move(gram));
+    system.image_couplings.push_back(std::move(coupling));
+    system.image_bias_blocks.push_back(std::move(bias_blocks));
+}
+
+inline void JointProblem::eliminate_biases(const JointState& state, JointSystem& system) const
+{
+    const Eigen::Index num_biases = state.bias.cols();
+    if (num_biases == 0) {
+        return;
+    }
+    const double prior = 1 / (options_.bias_sigma_mm * options_.bias_sigma_mm);
+    system.bias_gradient += prior * state.bias;
+    system.bias_inverse.resize(3, 3 * num_biases);
+    Eigen::MatrixXd scaled(system.hessian.rows(), 3 * num_biases); // coupling times the inverse's root
+    for (Eigen::Index b = 0; b < num_biases; ++b) {
+        Eigen::Matrix3d block = prior * Eigen::Matrix3d::Identity();
+        for (const Eigen::MatrixXd& part : system.image_bias_blocks) {
+            block += part.middleCols<3>(3 * b);
+        }
+        const Eigen::Matrix3d inverse = block.inverse();
+        system.bias_inverse.middleCols<3>(3 * b) = inverse;
+        const Eigen::Matrix3d root = inverse.llt().matrixL();
+        scaled.middleCols<3>(3 * b).noalias() = system.bias_coupling.middleCols<3>(3 * b) * root;
+        system.gradient.noalias() -=
+            system.bias_coupling.middleCols<3>(3 * b) * (inverse * system.bias_gradient.col(b));
+    }
+    system.hessian.selfadjointView<Eigen::Lower>().rankUpdate(scaled, -1.0);
+    system.hessian.triangularView<Eigen::StrictlyUpper>() = system.hessian.transpose();
+}
+
+inline JointSystem JointProblem::linearize(const JointState& state) const
+{
+    JointSystem system;
+    const Eigen::Index size = num_unknowns();
+    system.hessian = Eigen::MatrixXd::Zero(size, size);
+    system.gradient = Eigen::VectorXd::Zero(size);
+    system.bias_gradient = Eigen::Matrix3Xd::Zero(3, state.bias.cols());
+    system.bias_coupling = Eigen::MatrixXd::Zero(state.bias.cols() > 0 ? size : 0, 3 * state.bias.cols());
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        add_image(f, state, system);
+    }
+    system.hessian.topLeftCorner(num_shape(), num_shape()) += prior_.matrix;
+    system.gradient.head(num_shape()) += prior_.matrix * state.alpha - prior_.vector;
+    if (has_phi()) {
+        const double precision = std::pow(*options_.phi_sigma_per_mm, -2);
+        system.hessian(num_shape(), num_shape()) += precision;
+        system.gradient[num_shape()] += precision * state.phi_per_mm;
+    }
+    const double precision = std::pow(options_.expression_sigma, -2);
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        const Eigen::Index begin = own_begin(f);
+        system.gradient[begin + 3] += images[f].scale_strength;
+        system.hessian.diagonal().segment(begin + 6, num_expressions_).array() += precision;
+        system.gradient.segment(begin + 6, num_expressions_) += precision * state.psi[f];
+    }
+    eliminate_biases(state, system);
+    return system;
+}
+
+inline void JointProblem::room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const
+{
+    const double infinity = std::numeric_limits<double>::infinity();
+    down = Eigen::VectorXd::Constant(num_unknowns(), -infinity);
+    up = Eigen::VectorXd::Constant(num_unknowns(), infinity);
+    down.head(num_shape()).array() = -options_.max_coefficient - state.alpha.array();
+    up.head(num_shape()).array() = options_.max_coefficient - state.alpha.array();
+    if (has_phi()) {
+        down[num_shape()] = -state.phi_per_mm;
+    }
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        down.segment(own_begin(f) + 6, num_expressions_) = -state.psi[f];
+        up.segment(own_begin(f) + 6, num_expressions_).array() = options_.max_expression - state.psi[f].array();
+    }
+}
+
+inline JointState JointProblem::moved(const JointState& state, const JointSystem& system,
+                                      const Eigen::VectorXd& step) const
+{
+    JointState next = state;
+    const double bound = options_.max_coefficient;
+    next.alpha = (state.alpha + step.head(num_shape())).cwiseMax(-bound).cwiseMin(bound);
+    if (has_phi()) {
+        next.phi_per_mm = std::max(0.0, state.phi_per_mm + step[num_shape()]);
+    }
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        const Eigen::Index begin = own_begin(f);
+        const Camera& camera = state.cameras[f];
+        const double focal_length_px = options_.focal_length_px.value_or(1.0);
+        next.cameras[f] = apply_step(camera, step.segment<6>(begin), focal_length_px);
+        if (!options_.focal_length_px) {
+            next.cameras[f].phi_per_mm =
+                has_phi() ? next.phi_per_mm * next.cameras[f].scale_px_per_mm / reference_scale : 0.0;
+        }
+        next.psi[f] =
+            (state.psi[f] + step.segment(begin + 6, num_expressions_)).cwiseMax(0.0).cwiseMin(options_.max_expression);
+    }
+    for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
+        next.bias.col(b) -=
+            system.bias_inverse.middleCols<3>(3 * b) *
+            (system.bias_gradient.col(b) + system.bias_coupling.middleCols<3>(3 * b).transpose() * step);
+    }
+    return next;
+}
+
+} // namespace lineament::detail
+
+#endif

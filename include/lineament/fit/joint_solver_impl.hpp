@@ -1,0 +1,150 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_JOINT_SOLVER_IMPL_HPP
+#define LINEAMENT_FIT_JOINT_SOLVER_IMPL_HPP
+
+#include "lineament/fit/joint_problem_impl.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace lineament::detail {
+
+/// The unknowns that a step may move: those not at a bound, or at one that the energy pushes them away from.
+[[nodiscard]] inline std::vector<int> free_unknowns(const JointSystem& system, const Eigen::VectorXd& down,
+                                                    const Eigen::VectorXd& up)
+{
+    std::vector<int> free;
+    for (Eigen::Index i = 0; i < system.gradient.size(); ++i) {
+        const bool is_held = (down[i] >= 0 && system.gradient[i] > 0) || (up[i] <= 0 && system.gradient[i] < 0);
+        if (!is_held) {
+            free.push_back(static_cast<int>(i));
+        }
+    }
+    return free;
+}
+
+/// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
+/// again.
+[[nodiscard]] inline Eigen::VectorXd bounded_step(const JointSystem& system, double damping,
+                                                  const Eigen::VectorXd& down, const Eigen::VectorXd& up)
+{
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(system.gradient.size());
+    std::vector<int> free = free_unknowns(system, down, up);
+    while (!free.empty()) {
+        const Eigen::VectorXd right_side = -system.gradient - system.hessian * step;
+        Eigen::MatrixXd block = system.hessian(free, free);
+        block.diagonal() *= 1 + damping;
+        const Eigen::VectorXd solved = block.llt().solve(Eigen::VectorXd(right_side(free)));
+        std::vector<int> inside;
+        for (std::size_t i = 0; i < free.size(); ++i) {
+            const double goal = solved[static_cast<Eigen::Index>(i)];
+            if (goal >= down[free[i]] && goal <= up[free[i]]) {
+                inside.push_back(free[i]);
+            } else {
+                step[free[i]] = goal < down[free[i]] ? down[free[i]] : up[free[i]];
+            }
+        }
+        if (inside.size() == free.size()) {
+            step(free) = solved;
+            break;
+        }
+        free = std::move(inside);
+    }
+    return step;
+}
+
+/// Sets n_f of every image: the effective number of linear unknowns (shape, free expressions, biases) that its
+/// landmarks determine, n_f = tr(Lambda^-1 A_f^T W A_f).                                 docs/joint-fit.md, Eq. (14)
+inline void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system)
+{
+    Eigen::VectorXd down, up;
+    problem.room(state, down, up);
+    std::vector<int> linear = free_unknowns(system, down, up);
+    std::erase_if(linear, [&](int i) { return problem.is_camera(i); });
+    const Eigen::Index size = system.gradient.size();
+    const Eigen::MatrixXd block = system.hessian(linear, linear);
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
+    inverse(linear, linear) = block.llt().solve(Eigen::MatrixXd::Identity(block.rows(), block.cols())).eval();
+    const Eigen::Index num_biases = state.bias.cols();
+    Eigen::MatrixXd spread(num_biases > 0 ? size : 0, 3 * num_biases); // - covariance of the unknowns with the biases
+    Eigen::MatrixXd bias_covariance = system.bias_inverse;
+    for (Eigen::Index b = 0; b < num_biases; ++b) {
+        const Eigen::Matrix3d bias_inverse = system.bias_inverse.middleCols<3>(3 * b);
+        spread.middleCols<3>(3 * b).noalias() = inverse * (system.bias_coupling.middleCols<3>(3 * b) * bias_inverse);
+        bias_covariance.middleCols<3>(3 * b).noalias() +=
+            bias_inverse * (system.bias_coupling.middleCols<3>(3 * b).transpose() * spread.middleCols<3>(3 * b));
+    }
+    const Eigen::Index shared = problem.num_shared();
+    const Eigen::Index own = problem.num_own();
+    for (std::size_t f = 0; f < problem.images.size(); ++f) {
+        const Eigen::Index begin = problem.own_begin(f);
+        const Eigen::MatrixXd& gram = system.image_grams[f];
+        double strength = gram.topLeftCorner(shared, shared).cwiseProduct(inverse.topLeftCorner(shared, shared)).sum();
+        strength += 2 * gram.bottomLeftCorner(own, shared).cwiseProduct(inverse.block(begin, 0, own, shared)).sum();
+        strength += gram.bottomRightCorner(own, own).cwiseProduct(inverse.block(begin, begin, own, own)).sum();
+        if (num_biases > 0) {
+            const Eigen::MatrixXd& coupling = system.image_couplings[f];
+            strength -= 2 * coupling.topRows(shared).cwiseProduct(spread.topRows(shared)).sum();
+            strength -= 2 * coupling.bottomRows(own).cwiseProduct(spread.middleRows(begin, own)).sum();
+            strength += system.image_bias_blocks[f].cwiseProduct(bias_covariance).sum();
+        }
+        double& scale_strength = problem.images[f].scale_strength;
+        system.gradient[begin + 3] += strength - scale_strength;
+        scale_strength = strength;
+    }
+}
+
+struct JointProgress
+{
+    bool has_settled = false;
+    int iterations = 0;
+    std::vector<EnergyStep> energies = {};
+};
+
+/// Lowers the energy of a round by damped Gauss-Newton steps until the step left is `tolerance` posterior standard
+/// deviations long (step^T H step = -gradient^T step), or the iterations are used up.
+inline void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance, int round,
+                     JointProgress& progress)
+{
+    progress.has_settled = false;
+    double damping = 0;
+    double energy = 0;
+    Eigen::VectorXd down, up;
+    for (int iteration = 0; iteration < max_iterations && !progress.has_settled; ++iteration) {
+        ++progress.iterations;
+        JointSystem system = problem.linearize(state);
+        if (iteration == 0) {
+            refresh_scale_strengths(problem, state, system);
+            energy = problem.energy(state);
+            progress.energies.push_back({round, energy});
+        }
+        problem.room(state, down, up);
+        while (true) {
+            const Eigen::VectorXd step = bounded_step(system, damping, down, up);
+            JointState next = problem.moved(state, system, step);
+            const double next_energy = problem.energy(next);
+            const double decrease = -system.gradient.dot(step);
+            // What rounding hides in the energy is settled too.
+            progress.has_settled =
+                damping <= 1 && decrease <= std::max(tolerance * tolerance, 1e-14 * (1 + std::abs(energy)));
+            if (next_energy < energy) {
+                state = std::move(next);
+                energy = next_energy;
+                progress.energies.push_back({round, energy});
+                damping = damping < 1e-4 ? 0 : 0.1 * damping;
+                break;
+            }
+            if (progress.has_settled || damping > 1e9) {
+                return;
+            }
+            damping = std::max(1e-3, 10 * damping);
+        }
+    }
+}
+
+} // namespace lineament::detail
+
+#endif
