@@ -5,66 +5,18 @@
 //   detector_bench DATA     DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/video/*.mp4
 // Times of detection and following are processor times, those of decoding are wall times on all cores.
 #include "lineament/io/image_file.hpp"
-#include "lineament/io/landmark_file.hpp"
 #include "lineament/vision/face_detector.hpp"
 #include "lineament/vision/video.hpp"
+#include "photo_sets.hpp"
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
-#include <ctime>
-#include <filesystem>
-#include <map>
 
 namespace {
 
 using namespace lineament;
-namespace fs = std::filesystem;
-using Points = std::vector<Eigen::Vector2d>;
-
-/// The 68 annotated points; iBUG counts pixels from 1, the reannotated AFLW2000 points from 0.
-Points load_points(const fs::path& path)
-{
-    const bool from_zero = path.stem().string().find("reannotated") != std::string::npos;
-    const LandmarkFile file =
-        load_landmarks(path.string(), {.pts_origin = from_zero ? PtsOrigin::zero_based : PtsOrigin::one_based,
-                                       .pts_header = PtsHeader::optional});
-    Points points;
-    for (const Landmark& landmark : file.frames.front().set.landmarks) {
-        points.push_back(landmark.point_px);
-    }
-    return points;
-}
-
-/// Mean distance of the points from `first` on (0-based), % of the outer-eye distance of the annotation.
-double error_percent(const LandmarkSet& found, const Points& truth, int first)
-{
-    double sum = 0.0;
-    for (int i = first; i < 68; ++i) {
-        sum += (found.landmarks[i].point_px - truth[i]).norm();
-    }
-    return 100.0 * sum / ((68 - first) * (truth[36] - truth[45]).norm());
-}
-
-double quantile(std::vector<double> values, double part)
-{
-    std::sort(values.begin(), values.end());
-    return values.empty() ? 0.0 : values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)];
-}
-
-double median(const std::vector<double>& values)
-{
-    return quantile(values, 0.5);
-}
-
-/// Processor time of this thread: does not count what other programs and the decoder's threads take.
-double thread_ms()
-{
-    timespec time = {};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return 1000.0 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
+using namespace lineament::bench;
 
 /// What the constants of box_of and of the confidence rest on.
 struct Calibration
@@ -129,50 +81,27 @@ double milliseconds_since(std::chrono::steady_clock::time_point start)
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// The picture an annotation belongs to: same stem, or the stem without what follows the first or last "_".
-fs::path picture_of(const fs::path& annotation)
-{
-    const std::string stem = annotation.stem().string();
-    for (const std::string& name : {stem, stem.substr(0, stem.find('_')), stem.substr(0, stem.rfind('_'))}) {
-        for (const char* extension : {".jpg", ".png"}) {
-            if (fs::exists(annotation.parent_path() / (name + extension))) {
-                return annotation.parent_path() / (name + extension);
-            }
-        }
-    }
-    return {};
-}
-
 void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& calibration)
 {
-    std::map<fs::path, std::vector<Points>> faces_of;
-    for (const auto& entry : fs::directory_iterator(folder)) {
-        if (entry.path().extension() == ".pts") {
-            const Points points = load_points(entry.path());
-            if (points.size() == 68 && !picture_of(entry.path()).empty()) {
-                faces_of[picture_of(entry.path())].push_back(points);
-            }
-        }
-    }
     int annotated = 0;
     int unannotated = 0;
     std::vector<double> inner;
     std::vector<double> all;
     std::vector<double> times_ms;
-    for (const auto& [path, truths] : faces_of) {
+    for (const auto& [path, truths] : annotated_faces(folder)) {
         const ImageU8 picture = load_image(path);
         const double start_ms = thread_ms();
         const std::vector<DetectedFace> faces = detector.detect(picture);
         times_ms.push_back(thread_ms() - start_ms);
         unannotated += static_cast<int>(faces.size());
-        for (const Points& truth : truths) {
+        for (const LandmarkSet& truth : truths) {
             ++annotated;
-            const auto error = [&](const DetectedFace& face) { return error_percent(face.landmarks, truth, 17); };
+            const auto error = [&](const DetectedFace& face) { return error_percent(face.landmarks, truth); };
             const auto best = std::min_element(faces.begin(), faces.end(),
                                                [&](const auto& a, const auto& b) { return error(a) < error(b); });
-            if (best != faces.end() && error(*best) < 35.0) {
+            if (best != faces.end() && error(*best) < other_face_percent) {
                 inner.push_back(error(*best));
-                all.push_back(error_percent(best->landmarks, truth, 0));
+                all.push_back(error_percent(best->landmarks, truth, 1));
                 --unannotated;
                 calibration.add(detector, picture, faces, *best);
             }
@@ -230,7 +159,7 @@ int main(int count, char** arguments)
         FaceDetector detector;
         std::printf("set                annotated  found other_faces inner51_%%  all68_%% ms/photo   (medians)\n");
         Calibration calibration;
-        for (const char* set : {"helen_test", "helen_train", "afw", "lfpw_same_person", "aflw2000"}) {
+        for (const char* set : photo_sets) {
             measure_set(detector, data / "images" / set, calibration);
         }
         calibration.print();

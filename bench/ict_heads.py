@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the narrow face of ICT-FaceKit as a safetensors file for bench/cross_model.
 
-usage: ict_heads.py FOLDER OUTPUT     FOLDER holds ict_facekit_q.npz and vertex_indices.json
+usage: ict_heads.py FOLDER OUTPUT     FOLDER holds ict_facekit_q.npz (packed from the model's OBJ files) and
+                                      vertex_indices.json
 
 Tensors, in mm, x to the subject's left, y up, z out of the face:
   neutral [V,3]; identity [m,V,3] offsets at one standard deviation; expression [k,V,3]; triangles [T,3] int32;
@@ -14,6 +15,8 @@ import struct
 import sys
 
 import numpy as np
+
+NUM_NARROW_FACE_VERTICES = 6706  # the model's "narrow face area": no ears, no neck, no back of the head
 
 
 def save_safetensors(path, tensors):
@@ -33,21 +36,18 @@ def save_safetensors(path, tensors):
 
 def main(folder, output):
     data = np.load(folder + "/ict_facekit_q.npz")
-    groups = json.load(open(folder + "/ict_material_groups.json"))
     landmarks = json.load(open(folder + "/vertex_indices.json"))["idx_to_landmark_verts"]
-    face_end = groups[1][0]  # the first material group is the face
-    quads = data["quads"][:face_end]
+    quads = data["quads"]
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[quads[:, 3] >= 0][:, [0, 2, 3]]])
-    used = np.unique(np.concatenate([triangles.ravel(), landmarks]))
-    renumber = np.full(len(data["neutral"]), -1)
-    renumber[used] = np.arange(len(used))
+    face = slice(0, NUM_NARROW_FACE_VERTICES)
+    triangles = triangles[(triangles < NUM_NARROW_FACE_VERTICES).all(axis=1)]
     scale = 10.0 * float(data["offset_scale"])  # cm to mm
     save_safetensors(output, {
-        "neutral": (10.0 * data["neutral"][used]).astype("float32"),
-        "identity": (scale * data["identity_offsets_q"][:, used]).astype("float32"),
-        "expression": (scale * data["expression_offsets_q"][:, used]).astype("float32"),
-        "triangles": renumber[triangles].astype("int32"),
-        "landmarks": renumber[landmarks].astype("int32"),
+        "neutral": (10.0 * data["neutral"][face]).astype("float32"),
+        "identity": (scale * data["identity_offsets_q"][:, face]).astype("float32"),
+        "expression": (scale * data["expression_offsets_q"][:, face]).astype("float32"),
+        "triangles": triangles.astype("int32"),
+        "landmarks": np.array(landmarks, "int32"),
     })
 
 

@@ -4,30 +4,18 @@
 // How many annotated faces the mesh detector finds, how far its inner 51 points lie from the annotation, what it costs.
 //   mesh_detector_bench DATA     DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/video/*.mp4
 #include "lineament/io/image_file.hpp"
-#include "lineament/io/landmark_file.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 #include "lineament/vision/video.hpp"
+#include "photo_sets.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
-#include <ctime>
-#include <filesystem>
 #include <fstream>
-#include <map>
 
 namespace {
 
 using namespace lineament;
-namespace fs = std::filesystem;
-
-/// Processor time of this thread: does not count what other programs take.
-double thread_ms()
-{
-    timespec time = {};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return 1000.0 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
+using namespace lineament::bench;
 
 double resident_megabytes()
 {
@@ -38,55 +26,13 @@ double resident_megabytes()
     return resident * 4096.0 / 1e6;
 }
 
-double median(std::vector<double> values)
-{
-    std::sort(values.begin(), values.end());
-    return values.empty() ? 0.0 : values[values.size() / 2];
-}
-
-/// Mean distance of the inner points 18 ... 68, % of the outer-eye distance of the annotation.
-double inner_error_percent(const LandmarkSet& found, const LandmarkSet& truth)
-{
-    double sum = 0.0;
-    for (int i = 18; i <= 68; ++i) {
-        const std::string name = std::to_string(i);
-        sum += (found.find(name)->point_px - truth.find(name)->point_px).norm();
-    }
-    return 100.0 * sum / (51.0 * (truth.find("37")->point_px - truth.find("46")->point_px).norm());
-}
-
-/// The picture an annotation belongs to: same stem, or the stem without what follows the first or last "_".
-fs::path picture_of(const fs::path& annotation)
-{
-    const std::string stem = annotation.stem().string();
-    for (const std::string& name : {stem, stem.substr(0, stem.find('_')), stem.substr(0, stem.rfind('_'))}) {
-        for (const char* extension : {".jpg", ".png"}) {
-            if (fs::exists(annotation.parent_path() / (name + extension))) {
-                return annotation.parent_path() / (name + extension);
-            }
-        }
-    }
-    return {};
-}
-
 void measure_set(MeshDetector& detector, const fs::path& folder)
 {
-    std::map<fs::path, std::vector<LandmarkSet>> faces_of;
-    for (const auto& entry : fs::directory_iterator(folder)) {
-        if (entry.path().extension() == ".pts" && !picture_of(entry.path()).empty()) {
-            // iBUG counts pixels from 1; the reannotated AFLW2000 points from 0.
-            LandmarkFileOptions options = {.pts_header = PtsHeader::optional};
-            if (entry.path().stem().string().find("reannotated") != std::string::npos) {
-                options.pts_origin = PtsOrigin::zero_based;
-            }
-            faces_of[picture_of(entry.path())].push_back(load_landmarks(entry.path().string(), options).frames[0].set);
-        }
-    }
     int annotated = 0;
     int unannotated = 0;
     std::vector<double> errors;
     std::vector<double> times_ms;
-    for (const auto& [path, truths] : faces_of) {
+    for (const auto& [path, truths] : annotated_faces(folder)) {
         const ImageU8 picture = load_image(path);
         const double start_ms = thread_ms();
         const std::vector<MeshFace> faces = detector.detect(picture);
@@ -94,11 +40,11 @@ void measure_set(MeshDetector& detector, const fs::path& folder)
         unannotated += static_cast<int>(faces.size());
         for (const LandmarkSet& truth : truths) {
             ++annotated;
-            double best = 35.0; // a larger error means another face
+            double best = other_face_percent;
             for (const MeshFace& face : faces) {
-                best = std::min(best, inner_error_percent(ibug68_from_mediapipe(face.landmarks), truth));
+                best = std::min(best, error_percent(ibug68_from_mediapipe(face.landmarks), truth));
             }
-            if (best < 35.0) {
+            if (best < other_face_percent) {
                 errors.push_back(best);
                 --unannotated;
             }
@@ -158,7 +104,7 @@ int main(int count, char** arguments)
         (void)detector.detect(ImageU8(640, 480, 3));
         std::printf(", %.1f MB resident\n\n", resident_megabytes() - memory_before);
         std::printf("set                annotated  found other_faces inner51_%% ms/photo   (medians)\n");
-        for (const char* set : {"helen_test", "helen_train", "afw", "lfpw_same_person", "aflw2000"}) {
+        for (const char* set : photo_sets) {
             measure_set(detector, data / "images" / set);
         }
         std::printf("\nvideo                            frames followed detections follow_ms detect_ms\n");

@@ -1,0 +1,216 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Landmarks of both detectors and the faces fitted to them, against the annotation of real photos.
+//
+//   bench/aflw2000_angles.py DATA/images/aflw2000 angles.csv           (optional; needs scipy)
+//   photo_accuracy DATA [angles.csv]     DATA/images/<set>/ with iBUG .pts beside the pictures
+//
+// Errors are mean distances of the inner points 18 ... 68 from the annotation, in % of its outer-eye distance; medians
+// over the faces of a set. A fit has the default options. Rows of a set: the annotation itself, 68 points of
+// FaceDetector, 52 of MeshDetector (no outline but the chin); the fit's error is that of the model's projected
+// landmarks.
+#include "lineament/camera/angles.hpp"
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/io/image_file.hpp"
+#include "lineament/io/model_file.hpp"
+#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/mesh_detector.hpp"
+#include "photo_sets.hpp"
+
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <optional>
+#include <sstream>
+
+namespace {
+
+using namespace lineament;
+using namespace lineament::bench;
+
+/// Angles of AFLW2000-3D, H = R_x(-pitch) R_y(-yaw) R_z(-roll) [deg], H as in HeadAngles.
+using SetAngles = Eigen::Vector3d; // pitch, yaw, roll
+
+Eigen::Matrix3d head_from_set_angles(const SetAngles& angles)
+{
+    return (Eigen::AngleAxisd(-radians(angles[0]), Eigen::Vector3d::UnitX()) *
+            Eigen::AngleAxisd(-radians(angles[1]), Eigen::Vector3d::UnitY()) *
+            Eigen::AngleAxisd(-radians(angles[2]), Eigen::Vector3d::UnitZ()))
+        .toRotationMatrix();
+}
+
+/// R_x(a) R_y(b) R_z(c) = [cb cc, -cb sc, sb; ..., -sa cb; ..., ca cb].
+SetAngles set_angles_from_head(const Eigen::Matrix3d& head)
+{
+    return {degrees(std::atan2(head(1, 2), head(2, 2))), degrees(-std::asin(std::clamp(head(0, 2), -1.0, 1.0))),
+            degrees(std::atan2(head(0, 1), head(0, 0)))};
+}
+
+/// Lines "stem,pitch,yaw,roll".
+std::map<std::string, SetAngles> load_angles(const std::string& path)
+{
+    std::map<std::string, SetAngles> result;
+    std::ifstream file(path);
+    std::string line;
+    std::getline(file, line); // names of the columns
+    while (std::getline(file, line)) {
+        std::replace(line.begin(), line.end(), ',', ' ');
+        std::istringstream fields(line);
+        std::string stem;
+        SetAngles angles;
+        if (fields >> stem >> angles[0] >> angles[1] >> angles[2]) {
+            result[stem] = angles;
+        }
+    }
+    return result;
+}
+
+struct PoseError
+{
+    double rotation_deg = 0.0; ///< Geodesic.
+    double angles_deg = 0.0;   ///< Mean of the three in the set's own angles.
+    double yaw_deg = 0.0;      ///< True, in the set's own angles.
+};
+
+PoseError pose_error(const Eigen::Matrix3d& camera_from_model, const SetAngles& truth)
+{
+    const Eigen::Matrix3d head = Eigen::Vector3d(1, -1, -1).asDiagonal() * camera_from_model;
+    const Eigen::Matrix3d difference = head.transpose() * head_from_set_angles(truth);
+    return {degrees(Eigen::AngleAxisd(difference).angle()), (set_angles_from_head(head) - truth).cwiseAbs().mean(),
+            truth[1]};
+}
+
+/// What one source of landmarks gives on many faces.
+struct Source
+{
+    const char* name;
+    std::vector<double> landmark_percent = {};
+    std::vector<double> fit_percent = {};
+    std::vector<PoseError> poses = {};
+    int not_success = 0; ///< Fits with another status than success.
+};
+using Sources = std::array<Source, 3>;
+
+Sources no_values()
+{
+    return {{{"annotation"}, {"FaceDetector"}, {"MeshDetector"}}};
+}
+
+/// The face nearest to the annotation, unless it is another face.
+std::optional<LandmarkSet> nearest_face(const std::vector<LandmarkSet>& faces, const LandmarkSet& truth)
+{
+    std::optional<LandmarkSet> nearest;
+    double least = other_face_percent;
+    for (const LandmarkSet& face : faces) {
+        if (error_percent(face, truth) < least) {
+            least = error_percent(face, truth);
+            nearest = face;
+        }
+    }
+    return nearest;
+}
+
+void add(Source& source, const FaceFitter& fitter, const LandmarkSet& landmarks, const LandmarkSet& truth,
+         const ImageU8& picture, const std::optional<SetAngles>& angles)
+{
+    const FitResult fit = fitter.fit(landmarks, 0.5 * Eigen::Vector2d(picture.width, picture.height));
+    LandmarkSet fitted;
+    for (const FittedLandmark& landmark : fit.landmarks) {
+        fitted.landmarks.push_back({landmark.name, landmark.fitted_px, 1.0});
+    }
+    source.landmark_percent.push_back(error_percent(landmarks, truth));
+    source.fit_percent.push_back(error_percent(fitted, truth));
+    source.not_success += fit.status == FitStatus::success ? 0 : 1;
+    if (angles) {
+        source.poses.push_back(pose_error(fit.camera.camera_from_model, *angles));
+    }
+}
+
+void print_accuracy(const char* set, const Sources& sources)
+{
+    for (const Source& source : sources) {
+        std::printf("%-18s %-13s %5zu %12.2f %12.2f %10.2f %14d\n", set, source.name, source.fit_percent.size(),
+                    median(source.landmark_percent), median(source.fit_percent), quantile(source.fit_percent, 0.9),
+                    source.not_success);
+    }
+}
+
+void print_poses(const Sources& sources)
+{
+    std::printf(
+        "\nAFLW2000 pose           faces  rotation_deg   angles_mae_deg   yaw_mae_range (|yaw| of the faces)\n");
+    for (const Source& source : sources) {
+        std::vector<double> rotation;
+        double mean_rotation = 0.0;
+        double mean_angles = 0.0;
+        double largest_yaw = 0.0;
+        for (const PoseError& pose : source.poses) {
+            rotation.push_back(pose.rotation_deg);
+            mean_rotation += pose.rotation_deg / static_cast<double>(source.poses.size());
+            mean_angles += pose.angles_deg / static_cast<double>(source.poses.size());
+            largest_yaw = std::max(largest_yaw, std::abs(pose.yaw_deg));
+        }
+        std::printf("%-22s %6zu  median %5.2f, mean %5.2f, max %5.2f   angles_mae %5.2f   |yaw| <= %.0f\n", source.name,
+                    source.poses.size(), median(rotation), mean_rotation, quantile(rotation, 1.0), mean_angles,
+                    largest_yaw);
+    }
+}
+
+void measure(const fs::path& data, const std::map<std::string, SetAngles>& angles_of)
+{
+    FaceDetector face_detector;
+    MeshDetector mesh_detector;
+    const FaceFitter fitter(load_model(default_model_path()));
+    Sources all = no_values();
+    std::printf("set                landmarks of  faces  landmarks_%%        fit_%%   fit_p90_%%  fits_not_success\n");
+    for (const char* set : photo_sets) {
+        Sources sources = no_values();
+        for (const auto& [path, truths] : annotated_faces(data / "images" / set)) {
+            const ImageU8 picture = load_image(path);
+            std::vector<LandmarkSet> faces;
+            for (const DetectedFace& face : face_detector.detect(picture)) {
+                faces.push_back(face.landmarks);
+            }
+            std::vector<LandmarkSet> mesh_faces;
+            for (const MeshFace& face : mesh_detector.detect(picture)) {
+                mesh_faces.push_back(ibug68_from_mediapipe(face.landmarks));
+            }
+            const auto known = angles_of.find(path.stem().string());
+            const std::optional<SetAngles> angles =
+                known != angles_of.end() ? std::optional(known->second) : std::nullopt;
+            for (const LandmarkSet& truth : truths) {
+                const std::array<std::optional<LandmarkSet>, 3> found = {truth, nearest_face(faces, truth),
+                                                                         nearest_face(mesh_faces, truth)};
+                for (std::size_t s = 0; s < found.size(); ++s) {
+                    if (found[s]) {
+                        add(sources[s], fitter, *found[s], truth, picture, angles);
+                        add(all[s], fitter, *found[s], truth, picture, angles);
+                    }
+                }
+            }
+        }
+        print_accuracy(set, sources);
+        std::fflush(stdout);
+    }
+    print_accuracy("all", all);
+    if (!angles_of.empty()) {
+        print_poses(all);
+    }
+}
+
+} // namespace
+
+int main(int count, char** arguments)
+{
+    if (count != 2 && count != 3) {
+        std::fprintf(stderr, "usage: photo_accuracy DATA [angles.csv]\n");
+        return 2;
+    }
+    try {
+        measure(arguments[1], count == 3 ? load_angles(arguments[2]) : std::map<std::string, SetAngles>());
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "photo_accuracy: error: %s\n", error.what());
+        return 1;
+    }
+}
