@@ -19,7 +19,9 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <memory>
+#include <optional>
 
 namespace lineament::cli {
 
@@ -39,6 +41,7 @@ struct Options
     FinderOptions finder;
     int face = 0;
     double max_megapixels = 64.0;
+    bool same_person = false;
     bool json = false;
     bool no_obj = false;
     bool no_report = false;
@@ -124,17 +127,31 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
     return sets;
 }
 
-/// Fits every face of a picture and writes its files; the summary goes to `json`.
-/// @throws Failure(no_answer) if no face has a trustworthy fit; what could be drawn is written all the same.
-void fit_picture(Session& session, const Job& job, Json& json)
+/// A picture with the faces found in it.
+struct SeenPicture
+{
+    ImageU8 picture;
+    std::vector<LandmarkSet> sets;
+
+    [[nodiscard]] Eigen::Vector2d center() const { return {0.5 * picture.width, 0.5 * picture.height}; }
+};
+
+SeenPicture look_at(Session& session, const fs::path& path)
+{
+    ImageLimits limits;
+    limits.max_megapixels = session.options.max_megapixels;
+    SeenPicture seen;
+    seen.picture = load_image(path.string(), limits);
+    seen.sets = find_landmarks(session, path, seen.picture);
+    return seen;
+}
+
+/// Writes the files of a picture's fitted faces; the summary goes to `json`.
+/// @throws Failure(no_answer) if a face has no trustworthy fit; what could be drawn is written all the same.
+void write_picture(const Session& session, const Job& job, const ImageU8& picture, const std::vector<Fitted>& fits,
+                   Json& json)
 {
     const Options& options = session.options;
-    ImageLimits limits;
-    limits.max_megapixels = options.max_megapixels;
-    const ImageU8 picture = load_image(job.input.string(), limits);
-    const std::vector<LandmarkSet> sets = find_landmarks(session, job.input, picture);
-    const Eigen::Vector2d principal_point(0.5 * picture.width, 0.5 * picture.height);
-
     FitFile file;
     file.width = picture.width;
     file.height = picture.height;
@@ -150,11 +167,13 @@ void fit_picture(Session& session, const Job& job, Json& json)
     make_folder(job.output);
     std::string problems;
     json["faces"] = Json::array();
-    for (std::size_t i = 0; i < sets.size(); ++i) {
+    for (std::size_t i = 0; i < fits.size(); ++i) {
         const int id = options.face > 0 ? options.face : static_cast<int>(i) + 1;
-        const FitResult fit = session.fitters.fit(sets[i], principal_point);
+        const FitResult& fit = fits[i].result;
+        const Eigen::VectorXd& deviations = fits[i].shape_standard_deviations;
         file.method = fit.method;
-        file.faces.push_back({id, fit, {}, {}});
+        file.faces.push_back(
+            {id, fit, {deviations.data(), deviations.data() + deviations.size()}, fits[i].unobservable_expressions});
         Json& face_json = json["faces"].emplace_back();
         face_json["id"] = id;
         face_json["status"] = to_string(fit.status);
@@ -167,16 +186,13 @@ void fit_picture(Session& session, const Job& job, Json& json)
             continue; // there is no face to draw
         }
         const FittedFace face = make_fitted_face(id, fit, session.model, session.layout, picture);
-        const fs::path folder = sets.size() == 1 ? job.output : job.output / ("face_" + std::to_string(id));
+        const fs::path folder = fits.size() == 1 ? job.output : job.output / ("face_" + std::to_string(id));
         make_folder(folder);
         write_face(folder, session.model, face, options.files);
         report.overlay = draw_overlay(report.overlay, session.model, fit);
-        report.faces.push_back({"face_" + std::to_string(id),
-                                fit,
-                                make_face_view(session.model, fit, face.whole_texture),
-                                face.frontal,
-                                {},
-                                {}});
+        report.faces.push_back({"face_" + std::to_string(id), fit,
+                                make_face_view(session.model, fit, face.whole_texture), face.frontal, deviations,
+                                fits[i].unobservable_expressions});
         face_json["folder"] = folder.string();
         face_json["rms_px"] = fit.rms_px;
     }
@@ -190,38 +206,119 @@ void fit_picture(Session& session, const Job& job, Json& json)
     }
 }
 
-int run(const Options& options)
+/// Fits every face of a picture by itself.
+void fit_picture(Session& session, const Job& job, Json& json)
 {
-    const std::vector<Job> jobs = collect_jobs(options.inputs, options.output, {".jpg", ".jpeg", ".png"});
-    Session session(options);
-    Json summary = Json::array();
-    int failed = 0;
-    int last_code = all_done;
-    ProgressBar bar("fit", jobs.size());
-    for (std::size_t i = 0; i < jobs.size(); ++i) {
-        bar.show(i, jobs[i].input.filename().string());
-        Json entry;
-        entry["input"] = jobs[i].input.string();
-        entry["output"] = jobs[i].output.string();
-        try {
-            fit_picture(session, jobs[i], entry);
-            entry["exit_code"] = static_cast<int>(all_done);
-            if (!options.json) {
-                print_data(printable(jobs[i].output.string()));
-            }
-        } catch (...) {
-            const Failure failure = current_failure();
-            print_error(failure.what());
-            entry["exit_code"] = failure.exit_code();
-            entry["error"] = failure.what();
-            last_code = failure.exit_code();
-            ++failed;
+    const SeenPicture seen = look_at(session, job.input);
+    std::vector<Fitted> fits;
+    for (const LandmarkSet& set : seen.sets) {
+        fits.push_back(session.fitters.fit(set, seen.center()));
+    }
+    write_picture(session, job, seen.picture, fits, json);
+}
+
+/// Runs one job's work and turns what it throws into its entry of the summary. @return The exit code.
+template <typename Work>
+int run_job(const Options& options, const Job& job, Json& entry, const Work& work)
+{
+    int code = all_done;
+    try {
+        work();
+        if (!options.json) {
+            print_data(printable(job.output.string()));
         }
+    } catch (...) {
+        const Failure failure = current_failure();
+        print_error(failure.what());
+        entry["error"] = failure.what();
+        code = failure.exit_code();
+    }
+    entry["exit_code"] = code;
+    return code;
+}
+
+Json new_entry(const Job& job)
+{
+    Json entry;
+    entry["input"] = job.input.string();
+    entry["output"] = job.output.string();
+    return entry;
+}
+
+/// Each picture by itself. @return The exit codes.
+std::vector<int> fit_each(Session& session, const std::vector<Job>& jobs, Json& summary)
+{
+    std::vector<int> codes;
+    ProgressBar bar("fit", jobs.size());
+    for (const Job& job : jobs) {
+        bar.show(codes.size(), job.input.filename().string());
+        Json entry = new_entry(job);
+        codes.push_back(run_job(session.options, job, entry, [&] { fit_picture(session, job, entry); }));
         summary.push_back(entry);
         if (signal_exit_code() != 0) {
             break;
         }
     }
+    return codes;
+}
+
+/// One person, the largest face (or --face) of every picture: first all pictures are looked at, then one identity is
+/// fitted, then each picture's files are written. @return The exit codes.
+std::vector<int> fit_same_person(Session& session, const std::vector<Job>& jobs, Json& summary)
+{
+    std::vector<int> codes;
+    std::vector<std::size_t> seen_jobs;
+    std::vector<LandmarkSet> sets;
+    std::vector<Eigen::Vector2d> centers;
+    ProgressBar bar("look", jobs.size());
+    for (std::size_t i = 0; i < jobs.size() && signal_exit_code() == 0; ++i) {
+        bar.show(i, jobs[i].input.filename().string());
+        try {
+            const SeenPicture seen = look_at(session, jobs[i].input);
+            sets.push_back(seen.sets.front());
+            centers.push_back(seen.center());
+            seen_jobs.push_back(i);
+        } catch (...) {
+            const Failure failure = current_failure();
+            print_error(failure.what());
+            Json entry = new_entry(jobs[i]);
+            entry["error"] = failure.what();
+            entry["exit_code"] = failure.exit_code();
+            summary.push_back(entry);
+            codes.push_back(failure.exit_code());
+        }
+    }
+    if (sets.empty() || signal_exit_code() != 0) {
+        return codes;
+    }
+    for (const LandmarkSet& set : sets) {
+        if (set.scheme != sets.front().scheme) {
+            throw Failure(bad_input, "--same-person: all pictures must have landmarks of one scheme, found " +
+                                         sets.front().scheme + " and " + set.scheme);
+        }
+    }
+    const std::vector<Fitted> fits = session.fitters.fit_same_person(sets, centers);
+    ImageLimits limits;
+    limits.max_megapixels = session.options.max_megapixels;
+    for (std::size_t i = 0; i < fits.size() && signal_exit_code() == 0; ++i) {
+        const Job& job = jobs[seen_jobs[i]];
+        Json entry = new_entry(job);
+        codes.push_back(run_job(session.options, job, entry, [&] {
+            write_picture(session, job, load_image(job.input.string(), limits), {fits[i]}, entry);
+        }));
+        summary.push_back(entry);
+    }
+    return codes;
+}
+
+int run(const Options& options)
+{
+    const std::vector<Job> jobs = collect_jobs(options.inputs, options.output, {".jpg", ".jpeg", ".png"});
+    Session session(options);
+    Json summary = Json::array();
+    const std::vector<int> codes =
+        options.same_person ? fit_same_person(session, jobs, summary) : fit_each(session, jobs, summary);
+    const auto failed = std::count_if(codes.begin(), codes.end(), [](int code) { return code != all_done; });
     if (options.json) {
         print_data(summary.dump(2, ' ', false, Json::error_handler_t::replace));
     }
@@ -234,7 +331,7 @@ int run(const Options& options)
         print_error(std::to_string(failed) + " of " + std::to_string(jobs.size()) + " inputs failed");
         return some_failed;
     }
-    return last_code;
+    return codes.empty() ? static_cast<int>(all_done) : codes.back();
 }
 
 } // namespace
@@ -260,6 +357,8 @@ void add_fit_command(CLI::App& program, Action& action)
     add_finder_options(*command, options->finder);
     command->add_option("--face", options->face, "Only this face (1: the largest); default: all.")
         ->check(CLI::PositiveNumber);
+    command->add_flag("--same-person", options->same_person,
+                      "All pictures show one person: one identity for all, from the largest face (or --face) of each.");
     command->add_option("--max-megapixels", options->max_megapixels, "Larger pictures are refused.")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
@@ -273,7 +372,8 @@ void add_fit_command(CLI::App& program, Action& action)
     command->add_flag("--no-report", options->no_report, "Do not write report.html.");
     command->add_flag("--json", options->json, "A summary as JSON on stdout.");
     command->footer("Examples:\n  lineament fit portrait.jpg\n  lineament fit photos/ -o faces --ply\n"
-                    "  lineament fit a.png --landmarks a.pts --method thesis --iterations 5");
+                    "  lineament fit a.png --landmarks a.pts --method thesis --iterations 5\n"
+                    "  lineament fit --same-person a.jpg b.jpg c.jpg --method joint");
     command->callback([&action, options] {
         options->files.obj = !options->no_obj;
         options->files.report = !options->no_report;

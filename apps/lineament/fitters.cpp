@@ -5,6 +5,7 @@
 #include "console.hpp"
 
 #include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
@@ -15,22 +16,73 @@ namespace lineament::cli {
 
 namespace {
 
-FitOptions make_fit_options(const ModelOptions& options)
+ContourMode contour_mode(const std::string& name)
+{
+    return name == "ignored" ? ContourMode::ignored
+           : name == "fixed" ? ContourMode::fixed
+           : name == "front" ? ContourMode::front_facing
+                             : ContourMode::both;
+}
+
+FitOptions thesis_options(const ModelOptions& options)
 {
     FitOptions fit = options.prior == "published" ? FitOptions::published_prior() : FitOptions{};
     fit.iterations = options.iterations.value_or(fit.iterations);
-    if (options.regularization) {
-        fit.regularization = *options.regularization;
-    }
+    fit.regularization = options.regularization.value_or(fit.regularization);
     fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
-    fit.contour = options.contour == "ignored" ? ContourMode::ignored
-                  : options.contour == "fixed" ? ContourMode::fixed
-                  : options.contour == "front" ? ContourMode::front_facing
-                                               : ContourMode::both;
+    fit.contour = contour_mode(options.contour);
     if (options.focal_px > 0.0) {
         fit.focal_length_px = options.focal_px;
     }
     return fit;
+}
+
+JointOptions joint_options(const ModelOptions& options)
+{
+    JointOptions fit;
+    fit.rounds = options.iterations.value_or(fit.rounds);
+    fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
+    fit.contour = contour_mode(options.contour);
+    if (options.focal_px > 0.0) {
+        fit.focal_length_px = options.focal_px;
+    }
+    return fit;
+}
+
+/// The result with the expressions named that are as uncertain after the fit as before it.
+Fitted with_evidence(const JointFitResult& joint, double prior_sigma)
+{
+    constexpr double hardly_less = 0.9;
+    Fitted fitted;
+    fitted.result = joint.fit;
+    const Eigen::Index num_shape = joint.fit.shape_coefficients.size();
+    if (joint.covariance.rows() >= num_shape && num_shape > 0) {
+        const Eigen::VectorXd deviations = joint.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+        fitted.shape_standard_deviations = deviations.head(num_shape);
+        for (Eigen::Index k = 0; num_shape + k < deviations.size(); ++k) {
+            if (deviations[num_shape + k] > hardly_less * prior_sigma) {
+                fitted.unobservable_expressions.push_back(joint.fit.expression_names[static_cast<std::size_t>(k)]);
+            }
+        }
+    }
+    return fitted;
+}
+
+void move_by(LandmarkSet& set, const Eigen::Vector2d& step_px)
+{
+    for (Landmark& landmark : set.landmarks) {
+        landmark.point_px += step_px;
+    }
+}
+
+void move_to(FitResult& fit, const Eigen::Vector2d& principal_point_px)
+{
+    const Eigen::Vector2d step_px = principal_point_px - fit.camera.principal_point_px;
+    fit.camera.principal_point_px = principal_point_px;
+    for (FittedLandmark& landmark : fit.landmarks) {
+        landmark.point_px += step_px;
+        landmark.fitted_px += step_px;
+    }
 }
 
 } // namespace
@@ -38,20 +90,38 @@ FitOptions make_fit_options(const ModelOptions& options)
 struct Fitters::Implementation
 {
     const MorphableModel* model;
-    FitOptions options;
-    std::map<std::string, FaceFitter> fitters = {};
+    ModelOptions options;
+    std::map<std::string, FaceFitter> thesis_fitters = {};
+    std::map<std::string, JointFitter> joint_fitters = {};
 
-    const FaceFitter& for_scheme(const std::string& scheme)
+    [[nodiscard]] bool is_joint() const { return options.method == "joint"; }
+
+    const FaceFitter& thesis(const std::string& scheme)
     {
-        const auto known = fitters.find(scheme);
-        return known != fitters.end() ? known->second
-                                      : fitters.emplace(scheme, FaceFitter(*model, scheme, options)).first->second;
+        const auto known = thesis_fitters.find(scheme);
+        return known != thesis_fitters.end()
+                   ? known->second
+                   : thesis_fitters.emplace(scheme, FaceFitter(*model, scheme, thesis_options(options))).first->second;
+    }
+
+    const JointFitter& joint(const std::string& scheme)
+    {
+        const auto known = joint_fitters.find(scheme);
+        return known != joint_fitters.end()
+                   ? known->second
+                   : joint_fitters.emplace(scheme, JointFitter(*model, scheme, joint_options(options))).first->second;
     }
 };
 
 Fitters::Fitters(const MorphableModel& model, const ModelOptions& options)
-    : implementation_(new Implementation{&model, make_fit_options(options)})
-{}
+    : implementation_(new Implementation{&model, options})
+{
+    if (options.method == "joint" && (options.prior != "model" || options.regularization)) {
+        throw Failure(wrong_use,
+                      "--prior and --regularization are settings of --method thesis; the joint method weighs "
+                      "the prior as the maximum a posteriori estimate does");
+    }
+}
 
 Fitters::~Fitters() = default;
 
@@ -72,22 +142,53 @@ LandmarkSet Fitters::in_scheme_of_model(LandmarkSet landmarks) const
                                  " (it has: " + known + ")");
 }
 
-FitResult Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
+Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
 {
-    return implementation_->for_scheme(landmarks.scheme).fit(landmarks, principal_point_px);
+    if (implementation_->is_joint()) {
+        const JointFitter& fitter = implementation_->joint(landmarks.scheme);
+        return with_evidence(fitter.fit(landmarks, principal_point_px), fitter.options().expression_sigma);
+    }
+    return {implementation_->thesis(landmarks.scheme).fit(landmarks, principal_point_px), {}, {}};
+}
+
+std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
+                                             const std::vector<Eigen::Vector2d>& principal_points_px)
+{
+    for (std::size_t i = 0; i < pictures.size(); ++i) { // all principal points into one
+        move_by(pictures[i], -principal_points_px[i]);
+    }
+    const Eigen::Vector2d origin = Eigen::Vector2d::Zero();
+    std::vector<Fitted> fitted;
+    if (implementation_->is_joint()) {
+        const JointFitter& fitter = implementation_->joint(pictures.front().scheme);
+        for (const JointFitResult& frame : fitter.fit_frames(pictures, origin).frames) {
+            fitted.push_back(with_evidence(frame, fitter.options().expression_sigma));
+        }
+    } else {
+        for (const FitResult& frame :
+             fit_frames(implementation_->thesis(pictures.front().scheme), pictures, origin).frames) {
+            fitted.push_back({frame, {}, {}});
+        }
+    }
+    for (std::size_t i = 0; i < fitted.size(); ++i) {
+        move_to(fitted[i].result, principal_points_px[i]);
+    }
+    return fitted;
 }
 
 FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
                                            const Eigen::VectorXd& shape_coefficients, const FitResult* start)
 {
-    return implementation_->for_scheme(landmarks.scheme)
+    return implementation_->thesis(landmarks.scheme)
         .fit_pose_and_expression(landmarks, principal_point_px, shape_coefficients, start);
 }
 
 Eigen::VectorXd Fitters::fit_identity(const std::vector<LandmarkSet>& frames, const Eigen::Vector2d& principal_point_px)
 {
-    return fit_frames(implementation_->for_scheme(frames.front().scheme), frames, principal_point_px)
-        .shape_coefficients;
+    const std::string& scheme = frames.front().scheme;
+    return implementation_->is_joint()
+               ? implementation_->joint(scheme).fit_frames(frames, principal_point_px).shape_coefficients
+               : fit_frames(implementation_->thesis(scheme), frames, principal_point_px).shape_coefficients;
 }
 
 } // namespace lineament::cli

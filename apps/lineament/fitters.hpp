@@ -10,9 +10,18 @@
 #include <Eigen/Core>
 
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace lineament::cli {
+
+/// A fitted face and what the method says of its uncertainty.
+struct Fitted
+{
+    FitResult result = {};
+    Eigen::VectorXd shape_standard_deviations = {};         ///< m, posterior; empty: the method does not know.
+    std::vector<std::string> unobservable_expressions = {}; ///< Those the landmarks hardly tell anything of.
+};
 
 /// The solvers of one model as the user chose them, one for each landmark scheme that turns up, made when it does.
 /// Only this class includes them: they take long to compile.
@@ -20,6 +29,7 @@ class Fitters
 {
 public:
     /// @param model  Must outlive this.
+    /// @throws Failure(wrong_use) for options that the method does not have.
     Fitters(const MorphableModel& model, const ModelOptions& options);
     ~Fitters();
 
@@ -27,14 +37,19 @@ public:
     /// @throws Failure(bad_input) if the model knows neither.
     [[nodiscard]] LandmarkSet in_scheme_of_model(LandmarkSet landmarks) const;
 
-    [[nodiscard]] FitResult fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px);
+    [[nodiscard]] Fitted fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px);
+
+    /// One person in several pictures, one identity; pose and expression of each picture.
+    /// @param principal_points_px  One for each picture.
+    [[nodiscard]] std::vector<Fitted> fit_same_person(std::vector<LandmarkSet> pictures,
+                                                      const std::vector<Eigen::Vector2d>& principal_points_px);
 
     /// @param start  The result of the frame before, or nullptr.
     [[nodiscard]] FitResult fit_pose_and_expression(const LandmarkSet& landmarks,
                                                     const Eigen::Vector2d& principal_point_px,
                                                     const Eigen::VectorXd& shape_coefficients, const FitResult* start);
 
-    /// The shape coefficients of one person seen in several frames of one scheme.
+    /// The shape coefficients of one person seen in several frames of a video.
     [[nodiscard]] Eigen::VectorXd fit_identity(const std::vector<LandmarkSet>& frames,
                                                const Eigen::Vector2d& principal_point_px);
 

@@ -15,8 +15,11 @@ void add_model_options(CLI::App& command, ModelOptions& options)
     command.add_option("--model", options.model,
                        "Model file (.safetensors); default: the free model that comes along.");
     command.add_option("--level", options.level, "Resolution: full, or 0 (coarsest), 1, ...")->capture_default_str();
-    command.add_option("--method", options.method, "How to fit.")
-        ->check(CLI::IsMember({"thesis"}))
+    command
+        .add_option("--method", options.method,
+                    "How to fit: thesis (pose, identity and expression in turn) or joint (one energy for all of it, "
+                    "robust, with uncertainties).")
+        ->check(CLI::IsMember({"thesis", "joint"}))
         ->capture_default_str();
     command
         .add_option("--expressions", options.expression_set, "Expression set of the model: ekman6, arkit47, or none.")
@@ -27,7 +30,8 @@ void add_model_options(CLI::App& command, ModelOptions& options)
                     "points, or ignored.")
         ->check(CLI::IsMember({"ignored", "fixed", "front", "both"}))
         ->capture_default_str();
-    command.add_option("--iterations", options.iterations, "Iterations of the fit; default: 5.")
+    command
+        .add_option("--iterations", options.iterations, "Rounds of outline matches; default: 5 (thesis) or 4 (joint).")
         ->check(CLI::Range(1, 1000));
     command
         .add_option("--regularization", options.regularization,
