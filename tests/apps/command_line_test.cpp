@@ -208,6 +208,46 @@ TEST(CommandLine, ControlCharactersOfFileNamesAreEscaped)
     EXPECT_EQ(outcome.error.find('\x1b'), std::string::npos) << outcome.error;
 }
 
+TEST(CommandLine, SamePersonGivesEveryPictureOneIdentity)
+{
+    const test::TemporaryFolder folder;
+    for (const char* stem : {"a", "b", "c"}) {
+        save_synthetic_picture(folder, stem);
+    }
+    save_text(folder / "d.png", "not a picture");
+    const auto coefficients = [&](const std::string& output, const std::string& stem) {
+        const nlohmann::json fit = nlohmann::json::parse(read_all(folder / (output + "/" + stem + "/fit.json")));
+        return fit["faces"][0]["shape_coefficients"];
+    };
+    for (const std::string method : {"thesis", "joint"}) {
+        const Outcome outcome =
+            run(folder, "fit --same-person a.png b.png c.png d.png --landmarks . --no-report --method " + method +
+                            " -o " + method);
+        EXPECT_EQ(outcome.exit_code, 1) << "d.png is no picture: " << outcome.error;
+        EXPECT_EQ(outcome.out, method + "/a\n" + method + "/b\n" + method + "/c\n");
+        EXPECT_EQ(coefficients(method, "a"), coefficients(method, "b"));
+        EXPECT_EQ(coefficients(method, "a"), coefficients(method, "c"));
+        ASSERT_EQ(run(folder, "fit a.png --landmarks . --no-report --method " + method + " -o alone").exit_code, 0);
+        EXPECT_NE(coefficients(method, "a"), coefficients("alone", "a")) << "three pictures say more than one";
+    }
+}
+
+TEST(CommandLine, JointMethodStatesItsUncertainty)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    ASSERT_EQ(run(folder, "fit face.png --landmarks face.json --no-report --method joint").exit_code, 0);
+    const nlohmann::json face = nlohmann::json::parse(read_all(folder / "face/fit.json"))["faces"][0];
+    EXPECT_NEAR(face["pose"]["yaw_deg"].get<double>(), 12.0, 1.5);
+    ASSERT_EQ(face["shape_standard_deviations"].size(), face["shape_coefficients"].size());
+    for (const nlohmann::json& deviation : face["shape_standard_deviations"]) {
+        EXPECT_GT(deviation.get<double>(), 0.0);
+        EXPECT_LE(deviation.get<double>(), 1.001) << "no more than the prior's";
+    }
+    EXPECT_LT(face["shape_standard_deviations"][0].get<double>(), 0.9);
+    EXPECT_EQ(run(folder, "fit face.png --landmarks face.json --method joint --regularization 3").exit_code, 2);
+}
+
 TEST(CommandLine, FindsTheFaceOfAPhotoWithEitherDetector)
 {
     LINEAMENT_REQUIRE_REAL_DATA("images/lfpw_same_person/image_0004.png");
