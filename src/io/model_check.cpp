@@ -82,6 +82,17 @@ private:
         }
     }
 
+    void check_noise(const Eigen::VectorXf& values, const std::string& part)
+    {
+        for (Eigen::Index i = 0; i < values.size(); ++i) {
+            if (!(values[i] > 0)) {
+                fail(part, "number " + std::to_string(i) + " is " + to_text(values[i]) +
+                               "; expected a number > 0, or infinity for a landmark that is no measurement");
+                return;
+            }
+        }
+    }
+
     void check_positive(const Eigen::VectorXf& values, const std::string& part)
     {
         for (Eigen::Index i = 0; i < values.size(); ++i) {
@@ -218,7 +229,7 @@ private:
         check_names(map.noise_mm, part + "/noise", [](const auto& item) { return item.first; });
         for (const auto& [detector, noise] : map.noise_mm) {
             expect_size(noise.size(), count, part + "/noise/" + detector, "landmarks");
-            check_positive(noise, part + "/noise/" + detector);
+            check_noise(noise, part + "/noise/" + detector);
         }
     }
 

@@ -251,6 +251,79 @@ TEST(FaceFitter, ABlendshapeTheLandmarksHardlySeeStaysSmall)
     EXPECT_TRUE(was_held);
 }
 
+/// The synthetic face with another scheme, whose landmarks are those of ibug68 by other names.
+MorphableModel model_with_noise(const Eigen::VectorXf& noise_mm)
+{
+    MorphableModel face = model();
+    LandmarkMap map = face.landmark_maps[0];
+    map.scheme = "noisy";
+    map.noise_mm["first"] = noise_mm;
+    face.landmark_maps.push_back(map);
+    return face;
+}
+
+TEST(FaceFitter, NoiseOfTheLandmarkMapReplacesTheSigmasOfTheOptions)
+{
+    Random random(47);
+    Planted planted = plant(random, 1.0);
+    const Eigen::Vector2d centre = planted.camera.principal_point_px;
+    const Eigen::Index count = model().landmark_maps[0].num_landmarks();
+    // The same sigmas from either place give the same bits; without outline, whose default sigma differs.
+    planted.landmarks.landmarks.erase(planted.landmarks.landmarks.begin(), planted.landmarks.landmarks.begin() + 17);
+    const FitResult stated = fit_face(model(), planted.landmarks, centre, fixed_points());
+    planted.landmarks.scheme = "noisy";
+    const auto fit_with = [&](const Eigen::VectorXf& noise_mm) {
+        return fit_face(model_with_noise(noise_mm), planted.landmarks, centre); // default options
+    };
+    const FitResult same = fit_with(Eigen::VectorXf::Constant(count, 2.0f));
+    EXPECT_EQ(same.shape_coefficients, stated.shape_coefficients);
+    EXPECT_EQ(same.expression_coefficients, stated.expression_coefficients);
+    // The twin: another noise gives another face, the larger the nearer to the mean.
+    const FitResult vague = fit_with(Eigen::VectorXf::Constant(count, 20.0f));
+    EXPECT_LT(vague.shape_coefficients.norm(), 0.5 * same.shape_coefficients.norm());
+    // Weights go as 1 / noise^2.
+    Eigen::VectorXf noise_mm = Eigen::VectorXf::Constant(count, 2.0f);
+    noise_mm[30] = 4.0f;
+    EXPECT_NEAR(fit_with(noise_mm).landmarks[13].weight, 0.25, 1e-12); // 31 stands 13 places after 18
+}
+
+TEST(FaceFitter, ALandmarkOfInfiniteNoiseIsNotUsed)
+{
+    Random random(48);
+    Planted planted = plant(random, 1.0);
+    planted.landmarks.scheme = "noisy";
+    const Eigen::Vector2d centre = planted.camera.principal_point_px;
+    Eigen::VectorXf noise_mm = Eigen::VectorXf::Constant(model().landmark_maps[0].num_landmarks(), 2.0f);
+    noise_mm[30] = std::numeric_limits<float>::infinity();
+    const FaceFitter fitter(model_with_noise(noise_mm), "noisy");
+    const FitResult base = fitter.fit(planted.landmarks, centre);
+    planted.landmarks.landmarks[30].point_px += Eigen::Vector2d(300, 0);
+    const FitResult moved = fitter.fit(planted.landmarks, centre);
+    EXPECT_EQ(moved.landmarks[30].weight, 0.0);
+    EXPECT_EQ(moved.shape_coefficients, base.shape_coefficients);
+    EXPECT_EQ(moved.rms_px, base.rms_px);
+    // The twin: a finite one is.
+    noise_mm[30] = 2.0f;
+    EXPECT_NE(FaceFitter(model_with_noise(noise_mm), "noisy").fit(planted.landmarks, centre).shape_coefficients,
+              base.shape_coefficients);
+}
+
+TEST(FaceFitter, TheNoiseOfSeveralDetectorsMustBeNamed)
+{
+    const Eigen::Index count = model().landmark_maps[0].num_landmarks();
+    MorphableModel face = model_with_noise(Eigen::VectorXf::Constant(count, 2.0f));
+    face.landmark_maps.back().noise_mm["second"] = Eigen::VectorXf::Constant(count, 3.0f);
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(face, "noisy"); }, "noise_detector"));
+    FitOptions options;
+    options.noise_detector = "third";
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(face, "noisy", options); }, "third"));
+    options.noise_detector = "second";
+    EXPECT_EQ((*FaceFitter(face, "noisy", options).landmark_noise_mm())[0], 3.0f);
+    EXPECT_EQ(FaceFitter(face, "ibug68").landmark_noise_mm(), nullptr);
+    face.landmark_maps.back().noise_mm["second"].resize(3);
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(face, "noisy", options); }, "noise_mm"));
+}
+
 TEST(FaceFitter, FixedIdentityIsLeftAlone)
 {
     Random random(39);

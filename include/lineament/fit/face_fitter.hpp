@@ -18,7 +18,8 @@
 
 namespace lineament {
 
-/// What becomes of the outline landmarks "1".."8" and "10".."17" of ibug68.
+/// What becomes of the outline landmarks "1".."8" and "10".."17" of ibug68. Other schemes have none: the oval of
+/// mediapipe478 is a line on the surface.
 enum class ContourMode
 {
     ignored,      ///< They are not used.
@@ -37,10 +38,11 @@ enum class NoiseUnits
 /// How to fit one face. Every member has its default here and nowhere else.
 struct FitOptions
 {
-    int iterations = 5;             ///< Rounds of contour, pose, identity, expression; >= 1.
-    double regularization = 1.0;    ///< Weight of |a|^2, >= 0; 1: maximum a posteriori.
-    double landmark_sigma_mm = 2.0; ///< Of inner landmarks, > 0.
-    double contour_sigma_mm = 4.0;  ///< Of outline landmarks, > 0.
+    int iterations = 5;              ///< Rounds of contour, pose, identity, expression; >= 1.
+    double regularization = 1.0;     ///< Weight of |a|^2, >= 0; 1: maximum a posteriori.
+    double landmark_sigma_mm = 2.0;  ///< Of inner landmarks, > 0; where the landmark map states no noise.
+    double contour_sigma_mm = 4.0;   ///< Of outline landmarks, > 0; where it states none, or they are re-matched.
+    std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use; empty: the only one there is, if any.
     NoiseUnits noise_units = NoiseUnits::model;
     double pixel_variance = 3.0;   ///< [px^2], > 0; with NoiseUnits::pixels only.
     double expression_sigma = 1.0; ///< Of each psi: a wide prior, > 0, against blendshapes the landmarks hardly see.
@@ -71,15 +73,16 @@ struct FitOptions
 class FaceFitter
 {
 public:
-    /// @throws InvalidArgument on bad options, a scheme or expression set the model lacks, or more coefficients than it
-    ///         has.
+    /// @throws InvalidArgument on bad options, a scheme, expression set or noise the model lacks, or more coefficients
+    ///         than it has.
     explicit FaceFitter(MorphableModel model, std::string scheme = "ibug68", FitOptions options = {});
 
     /// The face that explains the landmarks.
     ///
-    /// Landmarks the scheme does not know, or of confidence 0, get weight 0. Statuses: too_few_correspondences and
-    /// degenerate leave coefficients and camera neutral; implausible with a face that looks away leaves coefficients
-    /// neutral, with coefficients at their bound keeps them; not_converged keeps the best found.
+    /// Landmarks the scheme does not know, of confidence 0 or of infinite noise get weight 0. Statuses:
+    /// too_few_correspondences and degenerate leave coefficients and camera neutral; implausible with a face that looks
+    /// away leaves coefficients neutral, with coefficients at their bound keeps them; not_converged keeps the best
+    /// found.
     /// @param start  An earlier result with this model, for instance of the frame before; nullptr: the mean face.
     /// @throws InvalidArgument on another scheme, a landmark that is not finite (naming it), a confidence outside
     ///         [0, 1], or a start whose sizes disagree.
@@ -101,6 +104,8 @@ public:
     // Parts prepared for the solvers of one image and of many.
 
     [[nodiscard]] const LandmarkMap& landmark_map() const { return *model_.find_landmark_map(scheme_); }
+    /// Standard deviation of each landmark of the map [mm]; nullptr: the options state it.
+    [[nodiscard]] const Eigen::VectorXf* landmark_noise_mm() const;
     [[nodiscard]] const Blendshapes* expressions() const { return model_.find_expression_set(options_.expression_set); }
     [[nodiscard]] const ModelPoints& landmark_points() const { return landmark_points_; }
     [[nodiscard]] const std::optional<ContourModel>& contour() const { return contour_; }

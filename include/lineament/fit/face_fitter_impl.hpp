@@ -57,6 +57,12 @@ inline FaceFitter::FaceFitter(MorphableModel model, std::string scheme, FitOptio
     const Eigen::Index count = options_.num_shape_coefficients.value_or(static_cast<int>(all));
     require(count <= all, "FaceFitter", "options.num_shape_coefficients", "at most " + std::to_string(all),
             std::to_string(count));
+    require(options_.noise_detector.empty() ? map->noise_mm.size() <= 1 : landmark_noise_mm() != nullptr, "FaceFitter",
+            "options.noise_detector", "one that the landmark map states the noise of",
+            "\"" + options_.noise_detector + "\"");
+    if (landmark_noise_mm() != nullptr) {
+        require_size(landmark_noise_mm()->size(), map->num_landmarks(), "FaceFitter", "noise_mm");
+    }
     landmark_points_ = lineament::landmark_points(model_, *map, expressions(), count);
     if (scheme_ == "ibug68" &&
         (options_.contour == ContourMode::front_facing || options_.contour == ContourMode::both)) {
@@ -69,6 +75,13 @@ inline FaceFitter::FaceFitter(MorphableModel model, std::string scheme, FitOptio
             expression_rows_.resize(0, model_.shape.mean.size());
         }
     }
+}
+
+inline const Eigen::VectorXf* FaceFitter::landmark_noise_mm() const
+{
+    const auto& noise_mm = landmark_map().noise_mm;
+    const auto found = options_.noise_detector.empty() ? noise_mm.begin() : noise_mm.find(options_.noise_detector);
+    return found == noise_mm.end() ? nullptr : &found->second;
 }
 
 inline void FaceFitter::update_shape(const Eigen::VectorXd& shape_coefficients,

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 
 namespace lineament::detail {
 
@@ -104,14 +105,18 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
         require_finite(start->expression_coefficients, function, "start->expression_coefficients");
         expression_coefficients_ = start->expression_coefficients;
     }
+    const LandmarkMap& map = fitter.landmark_map();
+    const Eigen::VectorXf* noise_mm = fitter.landmark_noise_mm();
     for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks.landmarks[l];
         const std::string place = "landmark \"" + landmark.name + "\"";
         require_finite(landmark.point_px, function, place.c_str());
         require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
                 "0 to 1", to_text(landmark.confidence));
-        map_indices_.push_back(fitter.landmark_map().index_of(landmark.name));
-        if (map_indices_.back() < 0 || landmark.confidence == 0) {
+        const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
+        map_indices_.push_back(is_in_order ? static_cast<int>(l) : map.index_of(landmark.name));
+        if (map_indices_.back() < 0 || landmark.confidence == 0 ||
+            (noise_mm != nullptr && std::isinf((*noise_mm)[map_indices_.back()]))) {
             continue;
         }
         const bool is_outline = fitter.scheme() == "ibug68" && outline_side(landmark.name).has_value();
@@ -145,10 +150,12 @@ inline void FrameFit::set_points(const std::vector<ContourMatch>& matches)
         }
     }
     used_.clear();
+    const Eigen::VectorXf* noise_mm = fitter_.landmark_noise_mm();
     for (const int landmark : fixed_) {
         const bool is_outline =
             fitter_.scheme() == "ibug68" && outline_side(landmarks_.landmarks[landmark].name).has_value();
-        used_.push_back({landmark, is_outline ? options.contour_sigma_mm : options.landmark_sigma_mm});
+        const double sigma_mm = is_outline ? options.contour_sigma_mm : options.landmark_sigma_mm;
+        used_.push_back({landmark, noise_mm != nullptr ? (*noise_mm)[map_indices_[landmark]] : sigma_mm});
     }
     for (std::size_t m = 0; m < matches.size(); ++m) {
         const Eigen::Index i = num_fixed + static_cast<Eigen::Index>(m);

@@ -14,11 +14,13 @@ namespace lineament {
 /// vertices belong to the coarsest level, so a map holds at every level.
 struct LandmarkMap
 {
-    std::string scheme = {};                              ///< "ibug68".
-    std::vector<std::string> names = {};                  ///< L.
-    Eigen::Matrix3Xi vertices = {};                       ///< 3 x L, vertex indices.
-    Eigen::Matrix3Xf weights = {};                        ///< 3 x L, >= 0, each column sums to 1.
-    std::map<std::string, Eigen::VectorXf> noise_mm = {}; ///< Detector name -> L standard deviations [mm].
+    std::string scheme = {};             ///< "ibug68".
+    std::vector<std::string> names = {}; ///< L.
+    Eigen::Matrix3Xi vertices = {};      ///< 3 x L, vertex indices.
+    Eigen::Matrix3Xf weights = {};       ///< 3 x L, >= 0, each column sums to 1.
+    /// Detector name -> L standard deviations [mm] of a landmark's coordinates, > 0; infinite: it is no measurement.
+    /// Fits take landmarks as independent: where a detector's are not, these are larger than each landmark's own.
+    std::map<std::string, Eigen::VectorXf> noise_mm = {};
 
     [[nodiscard]] Eigen::Index num_landmarks() const { return vertices.cols(); }
 
