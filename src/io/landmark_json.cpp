@@ -86,13 +86,15 @@ LandmarkFrame read_mesh(const JsonReader& points, MediapipeUnits units, const La
     }
     const double width = units == MediapipeUnits::normalized ? options.image_width : 1.0;
     const double height = units == MediapipeUnits::normalized ? options.image_height : 1.0;
+    const bool is_ibug68 = options.mediapipe_points == MediapipePoints::ibug68;
     LandmarkFrame frame;
+    frame.set.scheme = is_ibug68 ? "ibug68" : "mediapipe478";
     for (std::size_t i = 0; i < count; ++i) {
         const JsonReader point = points.element(i);
         const bool is_array = point.value().is_array();
         const double x = read_coordinate(is_array ? point.element(0) : point.member("x"));
         const double y = read_coordinate(is_array ? point.element(1) : point.member("y"));
-        const std::string name = ibug68_name_of_mediapipe_point(static_cast<int>(i));
+        const std::string name = is_ibug68 ? ibug68_name_of_mediapipe_point(static_cast<int>(i)) : std::to_string(i);
         if (!name.empty()) {
             frame.set.landmarks.push_back({name, {x * width, y * height}});
         }

@@ -32,11 +32,19 @@ enum class LandmarkUnits
     normalized, ///< Parts of the image's width and height; needs the image size.
 };
 
+/// Which landmarks the points of a MediaPipe result become.
+enum class MediapipePoints
+{
+    ibug68,       ///< Those with a counterpart in ibug68, under its names.
+    mediapipe478, ///< All 468 or 478 of the file, named "0" ... "477".
+};
+
 struct LandmarkFileOptions
 {
     PtsOrigin pts_origin = PtsOrigin::one_based;
     PtsHeader pts_header = PtsHeader::required;
     LandmarkUnits units = LandmarkUnits::pixels;
+    MediapipePoints mediapipe_points = MediapipePoints::ibug68;
     int image_width = 0;  ///< [px], 0: unknown. Needed for normalised points.
     int image_height = 0; ///< [px], 0: unknown.
 };
