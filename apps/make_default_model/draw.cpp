@@ -107,6 +107,55 @@ void draw_landmarks(const MorphableModel& model, const std::filesystem::path& fo
     save_sheet(folder / "model-landmarks.png", tiles, 2, size_px);
 }
 
+/// The lines of MediaPipe's face mesh along lids, brows, lips, the ridge of the nose and the face's oval.
+const std::vector<std::vector<int>> mesh_lines = {
+    {33, 246, 161, 160, 159, 158, 157, 173, 133, 155, 154, 153, 145, 144, 163, 7, 33},
+    {263, 466, 388, 387, 386, 385, 384, 398, 362, 382, 381, 380, 374, 373, 390, 249, 263},
+    {70, 63, 105, 66, 107, 55, 65, 52, 53, 46, 70},
+    {300, 293, 334, 296, 336, 285, 295, 282, 283, 276, 300},
+    {61, 185, 40, 39, 37, 0, 267, 269, 270, 409, 291, 375, 321, 405, 314, 17, 84, 181, 91, 146, 61},
+    {78, 191, 80, 81, 82, 13, 312, 311, 310, 415, 308, 324, 318, 402, 317, 14, 87, 178, 88, 95, 78},
+    {168, 6, 197, 195, 5, 4, 1, 19, 94, 2},
+    {469, 470, 471, 472, 469},
+    {474, 475, 476, 477, 474},
+    {10,  338, 297, 332, 284, 251, 389, 356, 454, 323, 361, 288, 397, 365, 379, 378, 400, 377, 152,
+     148, 176, 149, 150, 136, 172, 58,  132, 93,  234, 127, 162, 21,  54,  103, 67,  109, 10}};
+
+void draw_mesh_points(const MorphableModel& model, const std::filesystem::path& folder)
+{
+    constexpr int size_px = 480;
+    const LandmarkMap& map = *model.find_landmark_map("mediapipe478");
+    const Blendshapes& set = *model.find_expression_set("arkit47");
+    Eigen::VectorXf surprised = model.shape.mean;
+    for (std::size_t k = 0; k < set.names.size(); ++k) {
+        if (set.names[k] == "jawOpen" || set.names[k] == "eyeBlinkRight") {
+            surprised += set.offsets.col(static_cast<Eigen::Index>(k));
+        }
+    }
+    std::vector<Tile> tiles;
+    const auto add_tile = [&](const Eigen::VectorXf& shape, double yaw_deg, const std::string& caption) {
+        Camera camera = camera_at(yaw_deg, size_px);
+        camera.scale_px_per_mm *= 1.35;
+        ImageU8 picture = render_mesh(mesh_to_draw(model, shape, model.color->mean), camera, size_px, size_px, {});
+        const Eigen::Matrix3Xf points =
+            map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, model.num_vertices()));
+        const auto place = [&](int i) { return camera.project(Eigen::Vector3d(points.col(i).cast<double>())); };
+        for (const std::vector<int>& line : mesh_lines) {
+            for (std::size_t i = 1; i < line.size(); ++i) {
+                draw_line(picture, place(line[i - 1]), place(line[i]), {40, 90, 200}, 1.5);
+            }
+        }
+        for (int i = 0; i < static_cast<int>(points.cols()); ++i) {
+            draw_disc(picture, place(i), 1.5, {210, 30, 40});
+        }
+        tiles.push_back({picture, caption});
+    };
+    add_tile(model.shape.mean, 0, "mean");
+    add_tile(model.shape.mean, 40, "mean, 40 deg");
+    add_tile(surprised, 0, "jawOpen, eyeBlinkRight");
+    save_sheet(folder / "model-mediapipe478.png", tiles, static_cast<int>(tiles.size()), size_px);
+}
+
 void draw_levels(const MorphableModel& model, const std::filesystem::path& folder)
 {
     constexpr int size_px = 360;
@@ -234,6 +283,7 @@ int main(int argc, char** argv)
         std::filesystem::create_directories(folder);
         draw_mean(model, folder);
         draw_landmarks(model, folder);
+        draw_mesh_points(model, folder);
         draw_levels(model, folder);
         draw_modes(model, folder);
         draw_samples(model, folder);

