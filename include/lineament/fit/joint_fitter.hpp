@@ -37,8 +37,8 @@ struct JointOptions
     std::optional<int> num_shape_coefficients = std::nullopt; ///< Leading components to fit; empty: all m.
     std::optional<double> focal_length_px = std::nullopt;     ///< Known: perspective.
     std::optional<double> phi_sigma_per_mm = std::nullopt;    ///< Unknown focal length, the same in all images: the
-                                                           ///< prior's width of the inverse distance (0.002 suits
-                                                           ///< selfies). Neither: scaled orthographic.
+                                                              ///< prior's width of the inverse distance (0.002 suits
+                                                              ///< selfies). Neither: scaled orthographic.
     int rounds = 4;          ///< Of weights and outline matches, >= 1; after the last they are frozen.
     int max_iterations = 60; ///< Steps of the last round, >= 1.
     double tolerance = 1e-4; ///< The last round ends when what is left to go is this many posterior standard
@@ -112,17 +112,21 @@ public:
                                      const IdentityFilter* earlier = nullptr) const;
 
     /// One identity, with its prior counted once, from images of one person; camera and expression of each its own.
-    /// @param starts  Earlier results, one for each image, or empty; the first one's identity is taken.
+    /// @param starts          Earlier results, one for each image, or empty; the first one's identity is taken.
+    /// @param covariances_px  As of `fit`, for each image, or empty.
     [[nodiscard]] JointFramesResult fit_frames(std::span<const LandmarkSet> frames,
                                                const Eigen::Vector2d& principal_point_px,
-                                               std::span<const FitResult> starts = {}) const;
+                                               std::span<const FitResult> starts = {},
+                                               std::span<const std::vector<Eigen::Matrix2d>> covariances_px = {}) const;
 
     /// What one image says of the identity, its camera and expression integrated out, linearised at a fit of it.
     /// @param at           A result of `fit` or `fit_frames` for these landmarks, with a usable pose.
     /// @param num_earlier  Images of this person that the sum holds already: a landmark's bias is the same in all.
+    /// @param covariances_px  Those given to the fit.
     /// @throws InvalidArgument as fit, and if `at` has no usable pose.
     [[nodiscard]] IdentityInformation identity_information(const LandmarkSet& landmarks, const JointFitResult& at,
-                                                           int num_earlier = 0) const;
+                                                           int num_earlier = 0,
+                                                           std::span<const Eigen::Matrix2d> covariances_px = {}) const;
 
     [[nodiscard]] const MorphableModel& model() const { return base_.model(); }
     [[nodiscard]] const std::string& scheme() const { return base_.scheme(); }

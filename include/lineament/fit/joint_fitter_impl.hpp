@@ -77,21 +77,26 @@ inline JointFitResult JointFitter::fit(const LandmarkSet& landmarks, const Eigen
 
 inline JointFramesResult JointFitter::fit_frames(std::span<const LandmarkSet> frames,
                                                  const Eigen::Vector2d& principal_point_px,
-                                                 std::span<const FitResult> starts) const
+                                                 std::span<const FitResult> starts,
+                                                 std::span<const std::vector<Eigen::Matrix2d>> covariances_px) const
 {
     require(starts.empty() || starts.size() == frames.size(), "JointFitter::fit_frames", "starts",
             "none, or one for each image", std::to_string(starts.size()));
+    require(covariances_px.empty() || covariances_px.size() == frames.size(), "JointFitter::fit_frames",
+            "covariances_px", "none, or those of each image", std::to_string(covariances_px.size()));
     const IdentityFilter none(num_shape_coefficients());
     detail::JointFit fit(base_, options_, none.state(), 0);
     for (std::size_t f = 0; f < frames.size(); ++f) {
-        fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f], {});
+        fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f],
+                      covariances_px.empty() ? std::span<const Eigen::Matrix2d>() : covariances_px[f]);
     }
     fit.run();
     return fit.result();
 }
 
 inline IdentityInformation JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitResult& at,
-                                                             int num_earlier) const
+                                                             int num_earlier,
+                                                             std::span<const Eigen::Matrix2d> covariances_px) const
 {
     require(at.covariance.size() > 0, "JointFitter::identity_information", "at", "a fit with a usable pose",
             to_string(at.fit.status));
@@ -99,7 +104,7 @@ inline IdentityInformation JointFitter::identity_information(const LandmarkSet& 
     const Eigen::Index size = num_shape_coefficients();
     const IdentityInformation nothing{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
     detail::JointFit fit(base_, options_, nothing, num_earlier);
-    fit.add_image(landmarks, at.fit.camera.principal_point_px, &at.fit, {});
+    fit.add_image(landmarks, at.fit.camera.principal_point_px, &at.fit, covariances_px);
     return fit.identity_information(at);
 }
 
@@ -138,6 +143,7 @@ inline Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model, 
     const Eigen::Index num_expressions = result.fit.expression_coefficients.size();
     require(num_shape <= model.shape.num_coefficients(), function, "result.fit.shape_coefficients",
             "at most " + std::to_string(model.shape.num_coefficients()), std::to_string(num_shape));
+    require(result.covariance.size() > 0, function, "result.covariance", "that of a fit with a usable pose", "none");
     require_size(result.covariance.rows(), num_shape + num_expressions, function, "result.covariance");
     require_size(result.covariance.cols(), num_shape + num_expressions, function, "result.covariance");
     require_finite(result.covariance, function, "result.covariance");

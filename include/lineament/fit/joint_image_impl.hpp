@@ -8,6 +8,7 @@
 #include "lineament/fit/joint_problem_impl.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace lineament::detail {
@@ -50,12 +51,17 @@ struct OutlineMatch
     return best;
 }
 
-/// The nearest silhouette vertex, and the direction of the silhouette around it.
-[[nodiscard]] inline OutlineMatch match_silhouette(const std::vector<int>& vertices, const Eigen::Matrix2Xd& projected,
-                                                   const Eigen::Vector2d& landmark, double radius_px)
+/// The nearest silhouette vertex within `max_distance_px`, and the direction of the silhouette around it.
+[[nodiscard]] inline std::optional<OutlineMatch> match_silhouette(const std::vector<int>& vertices,
+                                                                  const Eigen::Matrix2Xd& projected,
+                                                                  const Eigen::Vector2d& landmark, double radius_px,
+                                                                  double max_distance_px)
 {
     OutlineMatch best;
     const auto [nearest, distance_px] = nearest_column(projected, landmark);
+    if (distance_px > max_distance_px) {
+        return std::nullopt;
+    }
     best.vertex = best.next_vertex = vertices[static_cast<std::size_t>(nearest)];
     best.distance_px = distance_px;
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -234,12 +240,14 @@ inline std::vector<OutlineMatch> JointImageMatcher::match_outline(const Camera& 
             if (outline_side(landmark.name) != side) {
                 continue;
             }
-            OutlineMatch match =
-                is_occluding ? match_silhouette(vertices, projected, landmark.point_px, 15.0 * camera.scale_px_per_mm)
+            const double scale = camera.scale_px_per_mm;
+            const std::optional<OutlineMatch> match =
+                is_occluding ? match_silhouette(vertices, projected, landmark.point_px, 15 * scale,
+                                                options.max_distance_mm * scale)
                              : match_polyline(vertices, projected, landmark.point_px);
-            match.landmark_index = l;
-            if (!is_occluding || match.distance_px <= options.max_distance_mm * camera.scale_px_per_mm) {
-                matches.push_back(match);
+            if (match) {
+                matches.push_back(*match);
+                matches.back().landmark_index = l;
             }
         }
     }
@@ -268,6 +276,7 @@ inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd
         }
     }
     image.used.clear();
+    image.matched_scale = noise.scale_px_per_mm;
     const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::Matrix2d& covariance) {
         const Eigen::Matrix2d weight = landmarks_.landmarks[l].confidence * covariance.inverse();
         image.used.push_back({l, bias_index, num_dimensions, weight.llt().matrixU()});

@@ -32,6 +32,7 @@ struct JointImage
     std::vector<JointPoint> used = {}; ///< One per point below.
     ModelPoints points = {};
     Eigen::Matrix2Xd image_points = {};
+    double matched_scale = 1.0;  ///< s_0 [px/mm].
     double scale_strength = 0.0; ///< n_f.
 };
 
@@ -42,10 +43,10 @@ struct JointState
     double phi_per_mm = 0.0; ///< Of the shared unknown focal length, at the problem's reference scale.
     std::vector<Camera> cameras = {};
     std::vector<Eigen::VectorXd> psi = {};
-    Eigen::Matrix3Xd bias = {}; ///< 3 x L, or empty.
+    Eigen::Matrix3Xd bias = {}; ///< 3 x L, mm at scale s_0, or empty.
 };
 
-/// Half the gradient and the Gauss-Newton matrix of half the energy, landmark biases eliminated. The unknowns are
+/// Half the gradient of the energy and half its Gauss-Newton matrix, landmark biases eliminated. The unknowns are
 /// [alpha | phi, where unknown | for each image: turn 3, log s, tau 2, psi].
 struct JointSystem
 {
@@ -53,12 +54,12 @@ struct JointSystem
     Eigen::VectorXd gradient = {}; ///< K.
 
     // Needed for the scale term and to recover the biases:
-    std::vector<Eigen::MatrixXd> image_grams = {};       ///< J^T W J of each image's own unknowns, priors left out.
-    std::vector<Eigen::MatrixXd> image_couplings = {};   ///< With the biases, each image's own part, x 3L.
-    std::vector<Eigen::MatrixXd> image_bias_blocks = {}; ///< 3 x 3L, each image's part of the biases' own blocks.
-    Eigen::MatrixXd bias_coupling = {};                  ///< K x 3L.
-    Eigen::MatrixXd bias_inverse = {};                   ///< 3 x 3L, inverse blocks.
-    Eigen::Matrix3Xd bias_gradient = {};                 ///< 3 x L.
+    std::vector<Eigen::MatrixXd> image_grams = {};     ///< J^T W J of each image's own unknowns, priors left out.
+    std::vector<Eigen::MatrixXd> image_couplings = {}; ///< With the biases, each image's own part, x 3L.
+    Eigen::MatrixXd bias_blocks = {};                  ///< 3 x 3L, the biases' own blocks, priors left out.
+    Eigen::MatrixXd bias_coupling = {};                ///< K x 3L.
+    Eigen::MatrixXd bias_inverse = {};                 ///< 3 x 3L, inverse blocks.
+    Eigen::Matrix3Xd bias_gradient = {};               ///< 3 x L.
 };
 
 /// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
@@ -106,9 +107,9 @@ public:
     /// How far each unknown may go down and up.
     void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
 
-    /// The state after a step within that room; biases follow by themselves.
-    [[nodiscard]] JointState moved(const JointState& state, const JointSystem& system,
-                                   const Eigen::VectorXd& step) const;
+    /// The state after a step within that room; biases follow by themselves, damped likewise.
+    [[nodiscard]] JointState moved(const JointState& state, const JointSystem& system, const Eigen::VectorXd& step,
+                                   double damping = 0.0) const;
 
     /// Weighted squared distance of a point from its landmark.
     [[nodiscard]] double squared_residual(std::size_t image, Eigen::Index point, const JointState& state,
@@ -133,9 +134,11 @@ inline Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const J
 {
     const JointImage& seen = images[image];
     Eigen::Matrix3Xd shape = seen.points.at(state.alpha, state.psi[image]);
+    // A bias counts at the scale s_0: its size in the image must not tell how large the image of the head is.
+    const double bias_scale = seen.matched_scale / state.cameras[image].scale_px_per_mm;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         if (seen.used[i].bias_index >= 0) {
-            shape.col(static_cast<Eigen::Index>(i)) += state.bias.col(seen.used[i].bias_index);
+            shape.col(static_cast<Eigen::Index>(i)) += bias_scale * state.bias.col(seen.used[i].bias_index);
         }
     }
     return shape;
@@ -213,33 +216,40 @@ inline void JointProblem::add_image(std::size_t image, const JointState& state, 
     const Eigen::Index size = shared + num_own();
     const Eigen::Index num_points = shape.cols();
     const Eigen::Index num_biases = state.bias.cols();
-    Eigen::MatrixXd rows(size, 2 * num_points); // J^T of this image's unknowns, times the roots of the weights
+    Eigen::MatrixXd rows(size, 2 * num_points); // J^T of this image's unknowns, times the roots of the curvatures
     Eigen::VectorXd residuals(2 * num_points);
     Eigen::MatrixXd coupling = Eigen::MatrixXd::Zero(num_biases > 0 ? size : 0, 3 * num_biases);
-    Eigen::MatrixXd bias_blocks = Eigen::MatrixXd::Zero(3, 3 * num_biases);
     const double phi_by_shared = camera.scale_px_per_mm / reference_scale;
+    const double bias_scale = seen.matched_scale / camera.scale_px_per_mm;
 
     for (Eigen::Index i = 0; i < num_points; ++i) {
         const JointPoint& used = seen.used[static_cast<std::size_t>(i)];
         const Eigen::Vector3d point = shape.col(i);
         const Eigen::Vector2d residual = used.root * (camera.project(point) - seen.image_points.col(i));
-        const double weight = robust_weight(options_.loss, residual.squaredNorm(), used.num_dimensions);
-        const Eigen::Matrix2d root = std::sqrt(weight) * used.root;
+        const double squared = residual.squaredNorm();
+        const double root_curvature = std::sqrt(robust_curvature(options_.loss, squared, used.num_dimensions));
+        const double weight = robust_weight(options_.loss, squared, used.num_dimensions);
+        const Eigen::Matrix2d root = root_curvature * used.root;
         const Eigen::Matrix<double, 2, 3> by_point = root * camera.jacobian(point);
         auto columns = rows.middleCols<2>(2 * i);
         columns.topRows(num_shape()).noalias() = seen.points.identity.middleCols<3>(3 * i) * by_point.transpose();
         if (has_phi()) {
             columns.row(num_shape()) = (phi_by_shared * root * phi_jacobian(camera, point)).transpose();
         }
-        columns.middleRows<6>(shared) = (root * pose_jacobian(camera, point)).transpose();
+        Eigen::Matrix<double, 2, 6> by_camera = root * pose_jacobian(camera, point);
+        if (used.bias_index >= 0) {
+            by_camera.col(3) -= bias_scale * by_point * state.bias.col(used.bias_index);
+        }
+        columns.middleRows<6>(shared) = by_camera.transpose();
         columns.bottomRows(num_expressions_).noalias() =
             seen.points.expression.middleCols<3>(3 * i) * by_point.transpose();
-        residuals.segment<2>(2 * i) = std::sqrt(weight) * residual;
+        residuals.segment<2>(2 * i) = weight / root_curvature * residual;
         if (used.bias_index >= 0) {
             const Eigen::Index b = used.bias_index;
-            coupling.middleCols<3>(3 * b).noalias() += columns * by_point;
-            bias_blocks.middleCols<3>(3 * b).noalias() += by_point.transpose() * by_point;
-            system.bias_gradient.col(b).noalias() += by_point.transpose() * residuals.segment<2>(2 * i);
+            const Eigen::Matrix<double, 2, 3> by_bias = bias_scale * by_point;
+            coupling.middleCols<3>(3 * b).noalias() += columns * by_bias;
+            system.bias_blocks.middleCols<3>(3 * b).noalias() += by_bias.transpose() * by_bias;
+            system.bias_gradient.col(b).noalias() += by_bias.transpose() * residuals.segment<2>(2 * i);
         }
     }
     Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(size, size);
@@ -259,7 +269,6 @@ inline void JointProblem::add_image(std::size_t image, const JointState& state, 
     }
     system.image_grams.push_back(std::move(gram));
     system.image_couplings.push_back(std::move(coupling));
-    system.image_bias_blocks.push_back(std::move(bias_blocks));
 }
 
 inline void JointProblem::eliminate_biases(const JointState& state, JointSystem& system) const
@@ -273,10 +282,8 @@ inline void JointProblem::eliminate_biases(const JointState& state, JointSystem&
     system.bias_inverse.resize(3, 3 * num_biases);
     Eigen::MatrixXd scaled(system.hessian.rows(), 3 * num_biases); // coupling times the inverse's root
     for (Eigen::Index b = 0; b < num_biases; ++b) {
-        Eigen::Matrix3d block = prior * Eigen::Matrix3d::Identity();
-        for (const Eigen::MatrixXd& part : system.image_bias_blocks) {
-            block += part.middleCols<3>(3 * b);
-        }
+        Eigen::Matrix3d block = system.bias_blocks.middleCols<3>(3 * b);
+        block.diagonal().array() += prior;
         const Eigen::Matrix3d inverse = block.inverse();
         system.bias_inverse.middleCols<3>(3 * b) = inverse;
         const Eigen::Matrix3d root = inverse.llt().matrixL();
@@ -295,6 +302,7 @@ inline JointSystem JointProblem::linearize(const JointState& state) const
     system.hessian = Eigen::MatrixXd::Zero(size, size);
     system.gradient = Eigen::VectorXd::Zero(size);
     system.bias_gradient = Eigen::Matrix3Xd::Zero(3, state.bias.cols());
+    system.bias_blocks = Eigen::MatrixXd::Zero(3, 3 * state.bias.cols());
     system.bias_coupling = Eigen::MatrixXd::Zero(state.bias.cols() > 0 ? size : 0, 3 * state.bias.cols());
     for (std::size_t f = 0; f < images.size(); ++f) {
         add_image(f, state, system);
@@ -333,8 +341,8 @@ inline void JointProblem::room(const JointState& state, Eigen::VectorXd& down, E
     }
 }
 
-inline JointState JointProblem::moved(const JointState& state, const JointSystem& system,
-                                      const Eigen::VectorXd& step) const
+inline JointState JointProblem::moved(const JointState& state, const JointSystem& system, const Eigen::VectorXd& step,
+                                      double damping) const
 {
     JointState next = state;
     const double bound = options_.max_coefficient;
@@ -355,9 +363,9 @@ inline JointState JointProblem::moved(const JointState& state, const JointSystem
             (state.psi[f] + step.segment(begin + 6, num_expressions_)).cwiseMax(0.0).cwiseMin(options_.max_expression);
     }
     for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
-        next.bias.col(b) -=
-            system.bias_inverse.middleCols<3>(3 * b) *
-            (system.bias_gradient.col(b) + system.bias_coupling.middleCols<3>(3 * b).transpose() * step);
+        const Eigen::Vector3d pull =
+            system.bias_gradient.col(b) + system.bias_coupling.middleCols<3>(3 * b).transpose() * step;
+        next.bias.col(b) -= system.bias_inverse.middleCols<3>(3 * b) * pull / (1 + damping);
     }
     return next;
 }

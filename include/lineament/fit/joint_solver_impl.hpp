@@ -56,8 +56,8 @@ namespace lineament::detail {
     return step;
 }
 
-/// Sets n_f of every image: the effective number of linear unknowns (shape, free expressions, biases) that its
-/// landmarks determine, n_f = tr(Lambda^-1 A_f^T W A_f).                                 docs/joint-fit.md, Eq. (14)
+/// Sets n_f of every image, half the derivative of log det Lambda by its log s: the effective number of shape
+/// coefficients and free expressions that its landmarks determine.                       docs/joint-fit.md, Eq. (14)
 inline void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system)
 {
     Eigen::VectorXd down, up;
@@ -70,12 +70,9 @@ inline void refresh_scale_strengths(JointProblem& problem, const JointState& sta
     inverse(linear, linear) = block.llt().solve(Eigen::MatrixXd::Identity(block.rows(), block.cols())).eval();
     const Eigen::Index num_biases = state.bias.cols();
     Eigen::MatrixXd spread(num_biases > 0 ? size : 0, 3 * num_biases); // - covariance of the unknowns with the biases
-    Eigen::MatrixXd bias_covariance = system.bias_inverse;
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         const Eigen::Matrix3d bias_inverse = system.bias_inverse.middleCols<3>(3 * b);
         spread.middleCols<3>(3 * b).noalias() = inverse * (system.bias_coupling.middleCols<3>(3 * b) * bias_inverse);
-        bias_covariance.middleCols<3>(3 * b).noalias() +=
-            bias_inverse * (system.bias_coupling.middleCols<3>(3 * b).transpose() * spread.middleCols<3>(3 * b));
     }
     const Eigen::Index shared = problem.num_shared();
     const Eigen::Index own = problem.num_own();
@@ -87,9 +84,8 @@ inline void refresh_scale_strengths(JointProblem& problem, const JointState& sta
         strength += gram.bottomRightCorner(own, own).cwiseProduct(inverse.block(begin, begin, own, own)).sum();
         if (num_biases > 0) {
             const Eigen::MatrixXd& coupling = system.image_couplings[f];
-            strength -= 2 * coupling.topRows(shared).cwiseProduct(spread.topRows(shared)).sum();
-            strength -= 2 * coupling.bottomRows(own).cwiseProduct(spread.middleRows(begin, own)).sum();
-            strength += system.image_bias_blocks[f].cwiseProduct(bias_covariance).sum();
+            strength -= coupling.topRows(shared).cwiseProduct(spread.topRows(shared)).sum();
+            strength -= coupling.bottomRows(own).cwiseProduct(spread.middleRows(begin, own)).sum();
         }
         double& scale_strength = problem.images[f].scale_strength;
         system.gradient[begin + 3] += strength - scale_strength;
@@ -124,7 +120,7 @@ inline void minimize(JointProblem& problem, JointState& state, int max_iteration
         problem.room(state, down, up);
         while (true) {
             const Eigen::VectorXd step = bounded_step(system, damping, down, up);
-            JointState next = problem.moved(state, system, step);
+            JointState next = problem.moved(state, system, step, damping);
             const double next_energy = problem.energy(next);
             const double decrease = -system.gradient.dot(step);
             // What rounding hides in the energy is settled too.

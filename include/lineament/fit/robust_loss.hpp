@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 namespace lineament {
@@ -45,6 +46,25 @@ inline constexpr double geman_mcclure_width_sq = 9.0; ///< c^2.
     }
     }
     return 1.0;
+}
+
+/// rho'(u) + (2/d) u rho''(u): the curvature of rho(|z|^2) / 2 in z, averaged over directions; at least a tenth of the
+/// weight, so that it stays positive. What a residual says of the unknowns, where the weight says how hard it pulls.
+[[nodiscard]] inline double robust_curvature(RobustLoss loss, double squared_residual, int num_dimensions)
+{
+    const double weight = robust_weight(loss, squared_residual, num_dimensions);
+    double slope = 0; // rho''
+    switch (loss) {
+    case RobustLoss::none:
+        break;
+    case RobustLoss::student_t:
+        slope = -weight / (student_t_degrees + squared_residual);
+        break;
+    case RobustLoss::geman_mcclure:
+        slope = -2 * weight / (geman_mcclure_width_sq + squared_residual);
+        break;
+    }
+    return std::max(0.1 * weight, weight + 2.0 / num_dimensions * squared_residual * slope);
 }
 
 } // namespace lineament

@@ -1,0 +1,577 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Derivatives, optimality, certainty and several images of the joint fit.
+#include "lineament/fit/joint_fitter.hpp"
+
+#include "support/matchers.hpp"
+#include "support/synthetic_face.hpp"
+
+#include <Eigen/LU>
+
+namespace lineament {
+namespace {
+
+using test::IsNear;
+using ::testing::Not;
+
+const MorphableModel& model()
+{
+    static const MorphableModel face = test::make_synthetic_face();
+    return face;
+}
+
+const Eigen::Vector2d centre(320, 240);
+
+struct Planted
+{
+    Eigen::VectorXd alpha;
+    std::vector<Camera> cameras;
+    std::vector<LandmarkSet> images;
+};
+
+/// Images of one person drawn from the priors; each landmark with an offset of its own in all images.
+Planted plant(Random& random, int num_images, double noise_px, double bias_mm = 0, double phi_per_mm = 0)
+{
+    Planted planted;
+    planted.alpha = test::random_normal(random, model().shape.num_coefficients());
+    MorphableModel biased = model(); // a model whose mean has the landmarks' vertices moved
+    const LandmarkMap& map = biased.landmark_maps[0];
+    for (Eigen::Index l = 0; l < map.num_landmarks(); ++l) {
+        biased.shape.mean.segment<3>(3 * map.vertices(0, l)) +=
+            (bias_mm * test::random_normal(random, 3)).cast<float>();
+    }
+    for (int f = 0; f < num_images; ++f) {
+        const Eigen::VectorXd psi =
+            (0.3 * test::random_normal(random, model().expression_sets[0].num_coefficients())).cwiseAbs().cwiseMin(1.0);
+        Camera camera = test::random_camera(random, 40);
+        camera.phi_per_mm = phi_per_mm;
+        if (phi_per_mm > 0) {
+            camera.scale_px_per_mm = 500 * phi_per_mm;
+        }
+        planted.cameras.push_back(camera);
+        planted.images.push_back(
+            test::project_landmarks(biased, "ibug68", planted.alpha, psi, camera, noise_px, random));
+    }
+    return planted;
+}
+
+/// Correspondences given, noise known, no bias.
+JointOptions given(double sigma_mm = 2.0)
+{
+    JointOptions options;
+    options.contour = ContourMode::fixed;
+    options.landmark_sigma_mm = sigma_mm;
+    options.contour_sigma_mm = sigma_mm;
+    options.bias_sigma_mm = 0;
+    options.tolerance = 1e-6;
+    return options;
+}
+
+double shape_error(const Eigen::VectorXd& alpha, const Eigen::VectorXd& truth)
+{
+    const Eigen::VectorXf difference = model().shape.instance(alpha) - model().shape.instance(truth);
+    return Eigen::Map<const Eigen::Matrix3Xf>(difference.data(), 3, model().num_vertices()).colwise().norm().mean();
+}
+
+FitOptions prepared()
+{
+    FitOptions options;
+    options.contour = ContourMode::fixed;
+    return options;
+}
+
+const FaceFitter& base()
+{
+    static const FaceFitter fitter(model(), "ibug68", prepared());
+    return fitter;
+}
+
+/// Energy and state of a round, made of the same parts as the fitter's but from outside.
+struct Round
+{
+    Round(const Planted& planted, const JointOptions& options, const std::vector<JointFitResult>& at)
+        : prior(IdentityFilter(model().shape.num_coefficients()).state()),
+          problem(options, prior, model().expression_sets[0].num_coefficients())
+    {
+        state.alpha = at.front().fit.shape_coefficients;
+        for (std::size_t f = 0; f < at.size(); ++f) {
+            detail::JointImageMatcher matcher(base(), options, planted.images[f], {});
+            detail::JointImage image;
+            matcher.match(at[f].fit.camera, state.alpha, at[f].fit.expression_coefficients,
+                          {at[f].matched_scale_px_per_mm, static_cast<int>(at.size()), 0, options.bias_sigma_mm > 0},
+                          image);
+            image.scale_strength = at[f].scale_strength;
+            problem.images.push_back(image);
+            state.cameras.push_back(at[f].fit.camera);
+            state.psi.push_back(at[f].fit.expression_coefficients);
+        }
+        if (options.bias_sigma_mm > 0) {
+            state.bias = Eigen::Matrix3Xd::Constant(3, base().landmark_map().num_landmarks(), 0.7);
+        }
+        problem.reference_scale = state.cameras[0].scale_px_per_mm;
+        state.phi_per_mm = state.cameras[0].phi_per_mm;
+    }
+
+    /// Half the energy's derivative by each unknown but the biases, by central differences; one-sided at a bound.
+    [[nodiscard]] Eigen::VectorXd numeric_gradient() const
+    {
+        const detail::JointSystem system = problem.linearize(state);
+        Eigen::VectorXd down, up, gradient(problem.num_unknowns());
+        problem.room(state, down, up);
+        for (Eigen::Index i = 0; i < gradient.size(); ++i) {
+            const double back = std::max(down[i], -1e-5), forth = std::min(up[i], 1e-5);
+            const Eigen::VectorXd unit = Eigen::VectorXd::Unit(gradient.size(), i);
+            const auto energy_at = [&](double step) {
+                detail::JointState moved = problem.moved(state, system, step * unit);
+                moved.bias = state.bias;
+                return problem.energy(moved);
+            };
+            gradient[i] = 0.5 * (energy_at(forth) - energy_at(back)) / (forth - back);
+        }
+        return gradient;
+    }
+
+    IdentityInformation prior;
+    detail::JointProblem problem;
+    detail::JointState state;
+};
+
+TEST(JointFitter, GradientAgreesWithDifferencesOfTheEnergy)
+{
+    Random random(141);
+    for (const double bias_sigma_mm : {0.0, 1.5}) {
+        const bool has_phi = bias_sigma_mm > 0;
+        JointOptions options = given();
+        options.bias_sigma_mm = bias_sigma_mm;
+        if (has_phi) {
+            options.phi_sigma_per_mm = 0.002;
+        }
+        const Planted planted = plant(random, 2, 2.0, 0, has_phi ? 0.0025 : 0);
+        JointFramesResult result = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+        for (JointFitResult& frame : result.frames) { // away from the solution
+            frame.fit.shape_coefficients.array() += 0.3;
+            frame.fit.expression_coefficients.array() = 0.4;
+        }
+        const Round round(planted, options, result.frames);
+        const Eigen::VectorXd numeric = round.numeric_gradient();
+        const detail::JointSystem system = round.problem.linearize(round.state);
+        Eigen::VectorXd analytic = system.gradient; // with the part that eliminating the biases took off
+        for (Eigen::Index b = 0; b < round.state.bias.cols(); ++b) {
+            analytic += system.bias_coupling.middleCols<3>(3 * b) *
+                        (system.bias_inverse.middleCols<3>(3 * b) * system.bias_gradient.col(b));
+        }
+        EXPECT_GT(numeric.norm(), 10);
+        EXPECT_THAT(analytic, IsNear(numeric, 5e-4 * numeric.cwiseAbs().maxCoeff()));
+    }
+}
+
+TEST(JointFitter, GradientIsZeroWhereFreeAndPointsOutAtBounds)
+{
+    Random random(142);
+    int num_held = 0;
+    for (int trial = 0; trial < 8; ++trial) {
+        const Planted planted = plant(random, 1, 2.0);
+        const JointFitter fitter(model(), "ibug68", given());
+        const JointFitResult result = fitter.fit(planted.images[0], centre);
+        ASSERT_EQ(result.fit.status, FitStatus::success) << result.fit.reason;
+        const Round round(planted, fitter.options(), {result});
+        const Eigen::VectorXd gradient = round.numeric_gradient();
+        const Eigen::Index begin = round.problem.own_begin(0) + 6;
+        EXPECT_LE(gradient.head(begin).cwiseAbs().maxCoeff(), 2e-3);
+        for (Eigen::Index k = 0; k < result.fit.expression_coefficients.size(); ++k) {
+            const double psi = result.fit.expression_coefficients[k];
+            EXPECT_GE(psi, 0);
+            EXPECT_LE(psi, 1);
+            if (psi == 0) {
+                EXPECT_GE(gradient[begin + k], -1e-3);
+                ++num_held;
+            } else if (psi == 1) {
+                EXPECT_LE(gradient[begin + k], 1e-3);
+            } else {
+                EXPECT_NEAR(gradient[begin + k], 0, 2e-3);
+            }
+        }
+        // The twin: without the scale term the energy still falls as the scale grows.
+        Round without(planted, fitter.options(), {result});
+        without.problem.images[0].scale_strength = 0;
+        EXPECT_LT(without.numeric_gradient()[begin - 3], -1);
+    }
+    EXPECT_GT(num_held, 0);
+}
+
+/// The shape coefficients and expressions among the unknowns.
+std::vector<int> linear_unknowns(const detail::JointProblem& problem)
+{
+    std::vector<int> linear;
+    for (int i = 0; i < static_cast<int>(problem.num_unknowns()); ++i) {
+        if (!problem.is_camera(i)) {
+            linear.push_back(i);
+        }
+    }
+    return linear;
+}
+
+double log_determinant(const Eigen::MatrixXd& matrix)
+{
+    const Eigen::MatrixXd root = matrix.llt().matrixL();
+    return 2 * root.diagonal().array().log().sum();
+}
+
+JointOptions with_bias(double bias_sigma_mm)
+{
+    JointOptions options = given();
+    options.bias_sigma_mm = bias_sigma_mm;
+    return options;
+}
+
+TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
+{
+    // The same offsets once as biases and once as coefficients of a model with a component for each.
+    Random random(143);
+    const JointOptions options = with_bias(1.5);
+    const Planted planted = plant(random, 3, 2.0, 1.5);
+    Round round(planted, options, JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre).frames);
+    round.state.bias.setZero();
+    const Eigen::Index num_shape = model().shape.num_coefficients();
+    const Eigen::Index num_biases = round.state.bias.size();
+    const IdentityInformation wide_prior = IdentityFilter(num_shape + num_biases).state();
+    detail::JointProblem wide(options, wide_prior, model().expression_sets[0].num_coefficients());
+    detail::JointState wide_state = round.state;
+    wide_state.bias.resize(3, 0);
+    wide_state.alpha = Eigen::VectorXd::Zero(num_shape + num_biases);
+    wide_state.alpha.head(num_shape) = round.state.alpha;
+    for (std::size_t f = 0; f < round.problem.images.size(); ++f) {
+        round.problem.images[f].matched_scale = round.state.cameras[f].scale_px_per_mm; // there both mean the same
+        detail::JointImage image = round.problem.images[f];
+        ModelPoints& points = image.points;
+        Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(num_shape + num_biases, points.identity.cols());
+        rows.topRows(num_shape) = points.identity;
+        for (std::size_t i = 0; i < image.used.size(); ++i) {
+            const Eigen::Index column = 3 * static_cast<Eigen::Index>(i);
+            rows.block<3, 3>(num_shape + 3 * image.used[i].bias_index, column).diagonal().setConstant(1.5);
+            image.used[i].bias_index = -1;
+        }
+        points.identity = rows;
+        wide.images.push_back(image);
+    }
+    const detail::JointSystem system = round.problem.linearize(round.state);
+    const detail::JointSystem wide_system = wide.linearize(wide_state);
+    std::vector<int> kept, biases;
+    for (int i = 0; i < static_cast<int>(wide.num_unknowns()); ++i) {
+        (i < num_shape || i >= num_shape + num_biases ? kept : biases).push_back(i);
+    }
+    const Eigen::MatrixXd& all = wide_system.hessian;
+    const Eigen::MatrixXd cross = all(biases, kept);
+    const Eigen::LLT<Eigen::MatrixXd> block(Eigen::MatrixXd(all(biases, biases)));
+    const Eigen::MatrixXd expected = Eigen::MatrixXd(all(kept, kept)) - cross.transpose() * block.solve(cross);
+    const Eigen::VectorXd bias_gradient = wide_system.gradient(biases);
+    const Eigen::VectorXd expected_gradient =
+        Eigen::VectorXd(wide_system.gradient(kept)) - cross.transpose() * block.solve(bias_gradient);
+    EXPECT_THAT(system.hessian, IsNear(expected, 1e-9 * expected.cwiseAbs().maxCoeff()));
+    EXPECT_THAT(system.gradient, IsNear(expected_gradient, 1e-8 * (1 + bias_gradient.cwiseAbs().maxCoeff())));
+    EXPECT_GT((cross.transpose() * block.solve(cross)).norm(), 1); // the twin: they do matter
+    const Eigen::VectorXd step = 0.01 * test::random_normal(random, round.problem.num_unknowns());
+    const Eigen::Matrix3Xd moved = round.problem.moved(round.state, system, step).bias;
+    const Eigen::VectorXd expected_bias = -1.5 * block.solve(bias_gradient + cross * step);
+    EXPECT_THAT(Eigen::Map<const Eigen::VectorXd>(moved.data(), num_biases), IsNear(expected_bias, 1e-8));
+}
+
+TEST(JointFitter, ScaleStrengthIsTheDerivativeOfTheLogDeterminant)
+{
+    // Eq. (14) against differences of log det Lambda over one image's scale.
+    Random random(144);
+    const Planted planted = plant(random, 2, 2.0);
+    for (const double bias_sigma_mm : {0.0, 1.5}) {
+        JointOptions options = with_bias(bias_sigma_mm);
+        options.loss = RobustLoss::none; // weights that do not move with the scale
+        Round round(planted, options,
+                    JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre).frames);
+        for (Eigen::VectorXd& psi : round.state.psi) {
+            psi.setConstant(0.5); // none at a bound
+        }
+        round.problem.images[1].matched_scale = round.state.cameras[1].scale_px_per_mm;
+        const auto log_determinant_at = [&](double log_factor) {
+            detail::JointState state = round.state;
+            state.cameras[1].scale_px_per_mm *= std::exp(log_factor);
+            const detail::JointSystem system = round.problem.linearize(state);
+            const std::vector<int> linear = linear_unknowns(round.problem);
+            double sum = log_determinant(system.hessian(linear, linear));
+            for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
+                sum -= log_determinant(system.bias_inverse.middleCols<3>(3 * b));
+            }
+            return sum;
+        };
+        const double numeric = (log_determinant_at(1e-4) - log_determinant_at(-1e-4)) / 2e-4;
+        detail::JointSystem system = round.problem.linearize(round.state);
+        detail::refresh_scale_strengths(round.problem, round.state, system);
+        EXPECT_NEAR(2 * round.problem.images[1].scale_strength, numeric, 1e-4 * numeric);
+        EXPECT_GT(numeric, 2);
+    }
+}
+
+TEST(JointFitter, ScaleIsUnbiased)
+{
+    Random random(145);
+    double sum = 0;
+    const int count = 60;
+    for (int trial = 0; trial < count; ++trial) {
+        const Planted planted = plant(random, 1, 2.4);
+        const JointFitResult result = JointFitter(model(), "ibug68", given()).fit(planted.images[0], centre);
+        sum += result.fit.camera.scale_px_per_mm / planted.cameras[0].scale_px_per_mm;
+    }
+    EXPECT_NEAR(sum / count, 1, 0.02);
+}
+
+TEST(JointFitter, IntervalsCoverThePlantedTruth)
+{
+    Random random(146);
+    int num_inside = 0, num_inside_known_pose = 0, num_all = 0;
+    double chi_square = 0;
+    for (int trial = 0; trial < 120; ++trial) {
+        const Planted planted = plant(random, 1, 2.4);
+        const JointFitter fitter(model(), "ibug68", given());
+        const JointFitResult result = fitter.fit(planted.images[0], centre);
+        ASSERT_EQ(result.fit.status, FitStatus::success);
+        const Eigen::Index num_shape = planted.alpha.size();
+        const Eigen::VectorXd deviation = result.covariance.diagonal().head(num_shape).cwiseSqrt();
+        const Round round(planted, fitter.options(), {result});
+        const Eigen::MatrixXd information =
+            round.problem.linearize(round.state).hessian.topLeftCorner(num_shape, num_shape);
+        const Eigen::VectorXd known_pose = information.inverse().diagonal().cwiseSqrt();
+        for (Eigen::Index j = 0; j < num_shape; ++j) {
+            const double error = std::abs(result.fit.shape_coefficients[j] - planted.alpha[j]);
+            num_inside += error <= 1.645 * deviation[j];
+            num_inside_known_pose += error <= 1.645 * known_pose[j];
+            ++num_all;
+        }
+        chi_square += result.fit.chi_square / result.fit.degrees_of_freedom;
+    }
+    EXPECT_GE(num_inside, 0.85 * num_all);
+    EXPECT_LE(num_inside, 0.95 * num_all);
+    EXPECT_LT(num_inside_known_pose, 0.8 * num_all); // the twin: as if the pose were known
+    EXPECT_NEAR(chi_square / 120, 1, 0.15);
+}
+
+TEST(VertexStandardDeviations, AreTheRootsOfTheDiagonalOfTheVertexCovariance)
+{
+    Random random(147);
+    const Planted planted = plant(random, 1, 2.0);
+    const JointFitResult result = JointFitter(model(), "ibug68", given()).fit(planted.images[0], centre);
+    const Eigen::Index num_shape = planted.alpha.size();
+    const Eigen::MatrixXd basis = model().shape.rescaled_basis().cast<double>();
+    const Eigen::MatrixXd offsets = model().expression_sets[0].offsets.cast<double>();
+    const Eigen::MatrixXd shape_covariance = result.covariance.topLeftCorner(num_shape, num_shape);
+    const Eigen::Matrix3Xf neutral = vertex_standard_deviations(model(), shape_covariance);
+    const Eigen::Matrix3Xf whole = vertex_standard_deviations(model(), result);
+    for (const int vertex : {0, 100, 700}) {
+        Eigen::MatrixXd rows(3, num_shape + offsets.cols());
+        rows << basis.middleRows<3>(3 * vertex), offsets.middleRows<3>(3 * vertex);
+        const Eigen::Vector3d expected = (rows * result.covariance * rows.transpose()).diagonal().cwiseSqrt();
+        EXPECT_THAT(whole.col(vertex), IsNear(expected, 1e-3));
+        const Eigen::MatrixXd neutral_rows = rows.leftCols(num_shape);
+        const Eigen::Vector3d expected_neutral =
+            (neutral_rows * shape_covariance * neutral_rows.transpose()).diagonal().cwiseSqrt();
+        EXPECT_THAT(neutral.col(vertex), IsNear(expected_neutral, 1e-3));
+    }
+    EXPECT_TRUE(test::throws<InvalidArgument>(
+        [&] { (void)vertex_standard_deviations(model(), Eigen::MatrixXd::Zero(13, 13)); }, "at most 12"));
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)vertex_standard_deviations(model(), JointFitResult{}); },
+                                              "result.covariance"));
+}
+
+TEST(JointFitter, OneImageAmongSeveralIsFit)
+{
+    Random random(148);
+    const Planted planted = plant(random, 1, 2.0);
+    const JointFitter fitter(model());
+    const JointFitResult one = fitter.fit(planted.images[0], centre);
+    const JointFramesResult frames = fitter.fit_frames(planted.images, centre);
+    EXPECT_EQ(frames.shape_coefficients, one.fit.shape_coefficients);
+    EXPECT_NEAR(frames.chi_square, one.fit.chi_square, 1e-9 * one.fit.chi_square);
+    // An image without a pose is left out.
+    const std::vector<LandmarkSet> with_empty{LandmarkSet{}, planted.images[0]};
+    const JointFramesResult result = fitter.fit_frames(with_empty, centre);
+    EXPECT_EQ(result.num_used_frames, 1);
+    EXPECT_EQ(result.frames[0].fit.status, FitStatus::too_few_correspondences);
+    EXPECT_EQ(result.shape_coefficients, one.fit.shape_coefficients);
+    EXPECT_EQ(fitter.fit_frames({}, centre).status, FitStatus::too_few_correspondences);
+}
+
+TEST(JointFitter, MoreImagesKnowMoreButNotWhatIsCommonToAll)
+{
+    Random random(149);
+    double one = 0, ten = 0, ten_biased = 0, ten_ignoring = 0, one_biased = 0;
+    for (int trial = 0; trial < 12; ++trial) {
+        const Planted planted = plant(random, 10, 2.4);
+        const JointFitter fitter(model(), "ibug68", given());
+        one += shape_error(fitter.fit(planted.images[0], centre).fit.shape_coefficients, planted.alpha);
+        ten += shape_error(fitter.fit_frames(planted.images, centre).shape_coefficients, planted.alpha);
+        const Planted biased = plant(random, 10, 2.4, 4.0);
+        JointOptions options = given();
+        options.bias_sigma_mm = 4.0;
+        const JointFitter knowing(model(), "ibug68", options);
+        one_biased += shape_error(knowing.fit(biased.images[0], centre).fit.shape_coefficients, biased.alpha);
+        ten_biased += shape_error(knowing.fit_frames(biased.images, centre).shape_coefficients, biased.alpha);
+        ten_ignoring += shape_error(fitter.fit_frames(biased.images, centre).shape_coefficients, biased.alpha);
+    }
+    EXPECT_LT(ten, 0.6 * one);
+    EXPECT_LT(ten_biased, one_biased);
+    EXPECT_LT(ten_biased, ten_ignoring);
+}
+
+TEST(JointFitter, BiasWidthDoesNotTellTheSizeOfTheHead)
+{
+    // A width of 2 mm where there is no bias at all: the scale stays right.
+    Random random(154);
+    double sum = 0;
+    for (int trial = 0; trial < 8; ++trial) {
+        const Planted planted = plant(random, 6, 2.4);
+        const JointFramesResult result =
+            JointFitter(model(), "ibug68", with_bias(2.0)).fit_frames(planted.images, centre);
+        for (std::size_t f = 0; f < planted.images.size(); ++f) {
+            sum += result.frames[f].fit.camera.scale_px_per_mm / planted.cameras[f].scale_px_per_mm / 6;
+        }
+    }
+    EXPECT_NEAR(sum / 8, 1, 0.03);
+}
+
+TEST(JointFitter, UnknownFocalLengthIsFoundFromSeveralNearImages)
+{
+    Random random(150);
+    const Planted planted = plant(random, 8, 0.3, 0, 0.0025); // 40 cm
+    JointOptions options = given(0.3);
+    const JointFramesResult orthographic = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+    options.focal_length_px = 500;
+    const JointFramesResult known = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+    options.focal_length_px.reset();
+    options.phi_sigma_per_mm = 0.002;
+    const JointFramesResult unknown = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+    ASSERT_EQ(unknown.status, FitStatus::success) << unknown.reason;
+    for (const JointFitResult& frame : unknown.frames) {
+        EXPECT_NEAR(frame.fit.camera.scale_px_per_mm / frame.fit.camera.phi_per_mm, 500, 40);
+    }
+    EXPECT_LT(shape_error(known.shape_coefficients, planted.alpha), 1.0);
+    EXPECT_LT(shape_error(unknown.shape_coefficients, planted.alpha), 1.2);
+    EXPECT_GT(shape_error(orthographic.shape_coefficients, planted.alpha), 1.2); // the twin
+}
+
+TEST(IdentityFilter, SumOverImagesLinearisedAtTheJointFitIsTheJointFit)
+{
+    Random random(151);
+    const Planted planted = plant(random, 5, 2.0);
+    const JointFitter fitter(model(), "ibug68", given());
+    const JointFramesResult batch = fitter.fit_frames(planted.images, centre);
+    ASSERT_EQ(batch.status, FitStatus::success);
+    IdentityFilter filter(fitter.num_shape_coefficients());
+    for (std::size_t f = 0; f < planted.images.size(); ++f) {
+        filter.add(fitter.identity_information(planted.images[f], batch.frames[f]));
+    }
+    EXPECT_EQ(filter.num_images(), 5);
+    EXPECT_THAT(filter.mean(), IsNear(batch.shape_coefficients, 1e-5));
+    EXPECT_THAT(filter.covariance(), IsNear(batch.shape_covariance, 1e-9));
+    // One by one, each linearised at its own fit with the earlier ones as prior: near, not equal.
+    IdentityFilter online(fitter.num_shape_coefficients());
+    for (const LandmarkSet& image : planted.images) {
+        const JointFitResult result = fitter.fit(image, centre, nullptr, {}, &online);
+        ASSERT_EQ(result.fit.status, FitStatus::success);
+        online.add(fitter.identity_information(image, result, online.num_images()));
+        EXPECT_THAT(online.mean(), IsNear(result.fit.shape_coefficients, 1e-3)); // the fit is the update
+        EXPECT_THAT(online.covariance(),
+                    IsNear(result.covariance.topLeftCorner(online.mean().size(), online.mean().size()), 1e-6));
+    }
+    const Eigen::VectorXd deviation = batch.shape_covariance.diagonal().cwiseSqrt();
+    EXPECT_LE(((online.mean() - batch.shape_coefficients).array() / deviation.array()).abs().maxCoeff(), 1.5);
+    EXPECT_THAT(online.mean(), Not(IsNear(batch.shape_coefficients, 1e-5)));
+}
+
+TEST(IdentityFilter, LandmarkBiasBoundsWhatManyImagesSay)
+{
+    Random random(152);
+    const Planted planted = plant(random, 1, 2.0);
+    JointOptions options = given();
+    options.bias_sigma_mm = 3;
+    const JointFitter fitter(model(), "ibug68", options);
+    const JointFitResult result = fitter.fit(planted.images[0], centre);
+    const auto trace_after = [&](int count, bool counts_images) {
+        IdentityFilter filter(fitter.num_shape_coefficients());
+        for (int i = 0; i < count; ++i) {
+            filter.add(fitter.identity_information(planted.images[0], result, counts_images ? i : 0));
+        }
+        return filter.covariance().trace();
+    };
+    EXPECT_LT(trace_after(1, true) - trace_after(200, true), 0.5 * (trace_after(1, true) - trace_after(200, false)));
+}
+
+TEST(IdentityFilter, BrokenInputThrows)
+{
+    IdentityFilter filter(3);
+    EXPECT_TRUE(test::throws<InvalidArgument>(
+        [&] {
+            filter.add({Eigen::MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2)});
+        },
+        "information.matrix"));
+    EXPECT_TRUE(test::throws<InvalidArgument>(
+        [&] {
+            filter.add({Eigen::MatrixXd::Identity(3, 3), Eigen::VectorXd::Constant(3, std::nan(""))});
+        },
+        "information.vector", "nan"));
+    Random random(153);
+    const Planted planted = plant(random, 1, 2.0);
+    EXPECT_TRUE(test::throws<InvalidArgument>(
+        [&] { (void)JointFitter(model()).fit(planted.images[0], centre, nullptr, {}, &filter); }, "earlier"));
+}
+
+TEST(OutlineMatch, IsTheNearestPointOfTheOutlineWithItsNormal)
+{
+    // An upright line of five vertices, 10 px apart.
+    const std::vector<int> vertices{3, 5, 7, 9, 11};
+    Eigen::Matrix2Xd line(2, 5);
+    line << 50, 50, 50, 50, 50, 0, 10, 20, 30, 40;
+    const detail::OutlineMatch on_line = detail::match_polyline(vertices, line, {57, 14});
+    EXPECT_EQ(on_line.vertex, 5);
+    EXPECT_EQ(on_line.next_vertex, 7);
+    EXPECT_NEAR(on_line.fraction, 0.4, 1e-12);
+    EXPECT_NEAR(std::abs(on_line.normal.x()), 1, 1e-12);
+    EXPECT_NEAR(on_line.distance_px, 7, 1e-12);
+    const auto silhouette = detail::match_silhouette(vertices, line, {57, 14}, 15, 12);
+    ASSERT_TRUE(silhouette.has_value());
+    EXPECT_EQ(silhouette->vertex, 5);
+    EXPECT_NEAR(std::abs(silhouette->normal.x()), 1, 1e-12);
+    EXPECT_NEAR(silhouette->distance_px, 7, 1e-12);
+    // The twins: too far along the line counts as too far; a cluster without a direction has no normal.
+    EXPECT_FALSE(detail::match_silhouette(vertices, line, {50, 53}, 15, 12).has_value());
+    Eigen::Matrix2Xd corners(2, 5);
+    corners << 0, 5, 5, -5, -5, 0, 5, -5, 5, -5;
+    const auto round = detail::match_silhouette(vertices, corners, {1, 0}, 15, 12);
+    ASSERT_TRUE(round.has_value());
+    EXPECT_TRUE(round->normal.isZero());
+    EXPECT_NEAR(round->distance_px, 1, 1e-12);
+}
+
+TEST(RobustLoss, WeightIsTheDerivativeAndTheLossNeverFalls)
+{
+    for (const RobustLoss loss : {RobustLoss::none, RobustLoss::student_t, RobustLoss::geman_mcclure}) {
+        for (const int dimensions : {1, 2}) {
+            EXPECT_EQ(robust_loss(loss, 0.0, dimensions), 0.0);
+            for (const double u : {0.1, 1.0, 10.0, 1000.0}) {
+                const double step = 1e-5 * u;
+                const double numeric =
+                    (robust_loss(loss, u + step, dimensions) - robust_loss(loss, u - step, dimensions)) / (2 * step);
+                EXPECT_NEAR(robust_weight(loss, u, dimensions), numeric, 1e-6);
+                EXPECT_GE(numeric, 0);
+                const double slope =
+                    (robust_weight(loss, u + step, dimensions) - robust_weight(loss, u - step, dimensions)) /
+                    (2 * step);
+                EXPECT_NEAR(robust_curvature(loss, u, dimensions),
+                            std::max(0.1 * numeric, numeric + 2.0 / dimensions * u * slope), 1e-6);
+            }
+        }
+    }
+    EXPECT_EQ(robust_weight(RobustLoss::none, 1e6, 2), 1.0); // the twin: least squares never doubts
+    EXPECT_LT(robust_weight(RobustLoss::student_t, 1e6, 2), 1e-4);
+    EXPECT_LT(robust_weight(RobustLoss::geman_mcclure, 1e6, 2), 1e-9);
+}
+
+} // namespace
+} // namespace lineament
