@@ -92,6 +92,9 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
         file_options.pts_origin = options.pts_origin == "zero" ? PtsOrigin::zero_based : PtsOrigin::one_based;
         file_options.pts_header = options.pts_headerless ? PtsHeader::optional : PtsHeader::required;
         file_options.units = options.landmark_units == "normalized" ? LandmarkUnits::normalized : LandmarkUnits::pixels;
+        file_options.mediapipe_points = session.model.find_landmark_map("mediapipe478") != nullptr
+                                            ? MediapipePoints::mediapipe478
+                                            : MediapipePoints::ibug68;
         file_options.image_width = picture.width;
         file_options.image_height = picture.height;
         const fs::path file = landmark_file_of(picture_path, options.landmarks);
