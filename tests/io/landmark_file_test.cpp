@@ -315,6 +315,22 @@ TEST(LandmarkFile, MediapipePointsAreScaledByTheImageSizeWithoutShift)
     EXPECT_TRUE(parse("{\"faceLandmarks\":[]}", options).frames.empty()) << "no face found";
 }
 
+TEST(LandmarkFile, MediapipePointsKeepTheirNumbersIfAsked)
+{
+    for (const int count : {468, 478}) {
+        const LandmarkFile file =
+            parse(mediapipe_points(count),
+                  {.mediapipe_points = MediapipePoints::mediapipe478, .image_width = 640, .image_height = 480});
+        ASSERT_EQ(file.frames.size(), 1u);
+        const LandmarkSet& set = file.frames[0].set;
+        EXPECT_EQ(set.scheme, "mediapipe478");
+        ASSERT_EQ(set.landmarks.size(), static_cast<std::size_t>(count));
+        EXPECT_EQ(set.landmarks.front().name, "0");
+        EXPECT_EQ(set.landmarks.back().name, std::to_string(count - 1));
+        EXPECT_EQ(set.find("467")->point_px, Eigen::Vector2d(320, 120));
+    }
+}
+
 TEST(LandmarkFile, TwoMediapipeFacesAreTwoFrames)
 {
     const LandmarkFile file = parse("{\"faceLandmarks\":[" + mediapipe_points(478) + "," + mediapipe_points(478) + "]}",

@@ -69,7 +69,7 @@ MorphableModel small_model()
     map.vertices << 0, 1, 1, 1, 2, 1;
     map.weights.resize(3, 2);
     map.weights << 0.5f, 1, 0.25f, 0, 0.25f, 0;
-    map.noise_mm["dlib"] = vector_of({1.5f, 2});
+    map.noise_mm["dlib"] = vector_of({1.5f, std::numeric_limits<float>::infinity()});
     model.landmark_maps = {map};
     model.contour_left = {1, 3};
     model.contour_right = {0, 2};
@@ -368,6 +368,7 @@ TEST(ModelFile, NamesWhatIsWrongInsideAWholeFile)
     EXPECT_TRUE(refused(with([&](Parts& p) { p.set("landmarks/ibug68/vertices", 0, 4); }), "coarsest"));
     EXPECT_TRUE(refused(with([&](Parts& p) { p.set("landmarks/ibug68/weights", 0, 0.6f); }), "sum 1"));
     EXPECT_TRUE(refused(with([&](Parts& p) { p.set("landmarks/ibug68/noise/dlib", 0, -1.0f); }), "noise/dlib"));
+    EXPECT_TRUE(refused(with([&](Parts& p) { p.set("landmarks/ibug68/noise/dlib", 0, std::nanf("")); }), "noise/dlib"));
     EXPECT_TRUE(refused(with([&](Parts& p) { p.set("contour/left", 0, 5); }), "contour/left", "index 5"));
     EXPECT_TRUE(refused(with([&](Parts& p) { p.set("mirror", 0, 2); }), "mirror", "expected each other"));
     EXPECT_TRUE(refused(with([&](Parts& p) {
