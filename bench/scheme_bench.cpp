@@ -3,6 +3,8 @@
 //
 // How well the default model's scheme mediapipe478 fits what the mesh detector finds, against the scheme ibug68.
 //   scheme_bench DATA [MODEL]    DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/images/johns/<person>/
+#include "photo_sets.hpp"
+
 #include "lineament/core/procrustes.hpp"
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/io/image_file.hpp"
@@ -12,18 +14,17 @@
 #include "lineament/vision/mesh_detector.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <functional>
 #include <map>
 
 namespace {
 
 using namespace lineament;
 namespace fs = std::filesystem;
-
-constexpr double same_face_percent = 35.0; ///< A larger distance to the annotation means another face.
+using bench::error_percent;
 
 Eigen::Vector2d center_of(const ImageU8& picture)
 {
@@ -33,17 +34,6 @@ Eigen::Vector2d center_of(const ImageU8& picture)
 double eye_distance(const LandmarkSet& annotation)
 {
     return (annotation.find("37")->point_px - annotation.find("46")->point_px).norm();
-}
-
-double inner_distance_percent(const MeshFace& face, const LandmarkSet& annotation)
-{
-    double sum = 0.0;
-    const LandmarkSet found = ibug68_from_mediapipe(face.landmarks);
-    for (int i = 18; i <= 68; ++i) {
-        const std::string name = std::to_string(i);
-        sum += (found.find(name)->point_px - annotation.find(name)->point_px).norm();
-    }
-    return 100.0 * sum / (51.0 * eye_distance(annotation));
 }
 
 // Where the detector's points lie on the face that the annotation shows
@@ -77,8 +67,8 @@ bool is_in(Part part, int point)
     return true;
 }
 
-/// Detected minus model point (2 x 468), % of the outer-eye distance, in the directions of the face's own right and
-/// down as far as the picture's plane shows them; the mean of the eyes and lips, a matter of pose, taken out.
+/// Detected minus model point (2 x 468), % of the outer-eye distance, in the picture's axes; the mean of the eyes and
+/// lips, a matter of pose, taken out.
 Eigen::Matrix2Xd offsets_percent(const MorphableModel& model, const FitResult& fit, const MeshFace& face,
                                  double eye_distance_px)
 {
@@ -125,52 +115,27 @@ void print_offsets(const char* what, const std::vector<Eigen::Matrix2Xd>& faces)
     std::printf("\n");
 }
 
-fs::path picture_of(const fs::path& annotation)
-{
-    const std::string stem = annotation.stem().string();
-    for (const std::string& name : {stem, stem.substr(0, stem.find('_')), stem.substr(0, stem.rfind('_'))}) {
-        for (const char* extension : {".jpg", ".png"}) {
-            if (fs::exists(annotation.parent_path() / (name + extension))) {
-                return annotation.parent_path() / (name + extension);
-            }
-        }
-    }
-    return {};
-}
-
-std::map<fs::path, std::vector<LandmarkSet>> load_annotations(const fs::path& images)
-{
-    std::map<fs::path, std::vector<LandmarkSet>> faces_of;
-    for (const char* set : {"aflw2000", "afw", "helen_test", "helen_train", "lfpw_same_person"}) {
-        for (const auto& entry : fs::directory_iterator(images / set)) {
-            if (entry.path().extension() == ".pts" && !picture_of(entry.path()).empty()) {
-                LandmarkFileOptions options = {.pts_header = PtsHeader::optional};
-                if (entry.path().stem().string().find("reannotated") != std::string::npos) {
-                    options.pts_origin = PtsOrigin::zero_based;
-                }
-                faces_of[picture_of(entry.path())].push_back(
-                    load_landmarks(entry.path().string(), options).frames[0].set);
-            }
-        }
-    }
-    return faces_of;
-}
-
 void measure_offsets(const MorphableModel& model, MeshDetector& detector, const fs::path& images)
 {
     const FaceFitter fitter(model, "ibug68");
     std::array<std::vector<Eigen::Matrix2Xd>, 2> halves;
     std::size_t num_pictures = 0;
-    for (const auto& [path, annotations] : load_annotations(images)) {
+    std::map<fs::path, std::vector<LandmarkSet>> faces_of;
+    for (const char* set : bench::photo_sets) {
+        faces_of.merge(bench::annotated_faces(images / set));
+    }
+    for (const auto& [path, annotations] : faces_of) {
         const ImageU8 picture = load_image(path);
         const std::vector<MeshFace> faces = detector.detect(picture);
         bool has_face = false;
         for (const LandmarkSet& annotation : annotations) {
+            const auto distance_of = [&](const MeshFace& face) {
+                return error_percent(ibug68_from_mediapipe(face.landmarks), annotation);
+            };
             const auto nearest =
-                std::min_element(faces.begin(), faces.end(), [&](const MeshFace& a, const MeshFace& b) {
-                    return inner_distance_percent(a, annotation) < inner_distance_percent(b, annotation);
-                });
-            if (nearest == faces.end() || inner_distance_percent(*nearest, annotation) > same_face_percent) {
+                std::min_element(faces.begin(), faces.end(),
+                                 [&](const MeshFace& a, const MeshFace& b) { return distance_of(a) < distance_of(b); });
+            if (nearest == faces.end() || distance_of(*nearest) > bench::other_face_percent) {
                 continue;
             }
             has_face = true;
