@@ -138,8 +138,7 @@ void print_accuracy(const char* set, const Sources& sources)
 
 void print_poses(const Sources& sources)
 {
-    std::printf(
-        "\nAFLW2000 pose           faces  rotation_deg   angles_mae_deg   yaw_mae_range (|yaw| of the faces)\n");
+    std::printf("\nAFLW2000 pose  faces  largest_|yaw|  rotation_deg: median   mean    max   angles_mae_deg\n");
     for (const Source& source : sources) {
         std::vector<double> rotation;
         double mean_rotation = 0.0;
@@ -151,9 +150,8 @@ void print_poses(const Sources& sources)
             mean_angles += pose.angles_deg / static_cast<double>(source.poses.size());
             largest_yaw = std::max(largest_yaw, std::abs(pose.yaw_deg));
         }
-        std::printf("%-22s %6zu  median %5.2f, mean %5.2f, max %5.2f   angles_mae %5.2f   |yaw| <= %.0f\n", source.name,
-                    source.poses.size(), median(rotation), mean_rotation, quantile(rotation, 1.0), mean_angles,
-                    largest_yaw);
+        std::printf("%-13s %6zu %14.0f %21.2f %6.2f %6.2f %16.2f\n", source.name, source.poses.size(), largest_yaw,
+                    median(rotation), mean_rotation, quantile(rotation, 1.0), mean_angles);
     }
 }
 
