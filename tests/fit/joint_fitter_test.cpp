@@ -309,6 +309,35 @@ TEST(JointFitter, CovariancesInPixelsAndMillimetresAgree)
     EXPECT_LT(without.norm(), 0.3 * with.norm());
 }
 
+TEST(JointFitter, NoiseOfTheLandmarkMapIsSplitIntoNoiseAndBias)
+{
+    Random random(156);
+    JointOptions options; // sigma and bias 2 mm each
+    options.contour = ContourMode::fixed;
+    options.contour_sigma_mm = 2.0;
+    const Planted planted = plant(random, 2.0);
+    const std::vector<LandmarkSet> frames{planted.landmarks, plant(random, 2.0).landmarks};
+    const JointFitter plain(model(), "ibug68", options);
+    MorphableModel stated = model();
+    stated.landmark_maps[0].noise_mm["detector"] = Eigen::VectorXf::Constant(68, std::sqrt(8.0f));
+    const JointFitter same(stated, "ibug68", options);
+    EXPECT_THAT(same.fit(planted.landmarks, {320, 240}).fit.shape_coefficients,
+                IsNear(plain.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, 1e-4));
+    EXPECT_THAT(same.fit_frames(frames, {320, 240}).shape_coefficients,
+                IsNear(plain.fit_frames(frames, {320, 240}).shape_coefficients, 1e-4));
+    // The twins: other noise is another fit; infinite noise is no measurement.
+    stated.landmark_maps[0].noise_mm["detector"].setConstant(8.0f);
+    stated.landmark_maps[0].noise_mm["detector"][30] = std::numeric_limits<float>::infinity();
+    const JointFitter other(stated, "ibug68", options);
+    const JointFitResult result = other.fit(planted.landmarks, {320, 240});
+    EXPECT_THAT(result.fit.shape_coefficients,
+                Not(IsNear(plain.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, 1e-2)));
+    EXPECT_EQ(result.fit.landmarks[30].weight, 0.0);
+    EXPECT_GT(result.fit.landmarks[31].weight, 0.0);
+    options.noise_detector = "another";
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)JointFitter(stated, "ibug68", options); }, "another"));
+}
+
 TEST(JointFitter, OutlineMatchesBeatAFixedOutlineWhereTheOutlineIsWhatIsSeen)
 {
     // Outline landmarks put where the silhouette is seen, not at their map points.

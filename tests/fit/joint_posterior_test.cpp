@@ -108,6 +108,8 @@ struct Round
         }
         if (options.bias_sigma_mm > 0) {
             state.bias = Eigen::Matrix3Xd::Constant(3, base().landmark_map().num_landmarks(), 0.7);
+            problem.bias_variances_mm =
+                Eigen::VectorXd::Constant(state.bias.cols(), options.bias_sigma_mm * options.bias_sigma_mm);
         }
         problem.reference_scale = state.cameras[0].scale_px_per_mm;
         state.phi_per_mm = state.cameras[0].phi_per_mm;

@@ -19,11 +19,13 @@ namespace lineament {
 /// How to fit jointly. Every member has its default here and nowhere else.
 struct JointOptions
 {
-    double landmark_sigma_mm = 2.0;       ///< Noise of inner landmarks in one image, per coordinate, > 0.
+    double landmark_sigma_mm = 2.0;       ///< Noise of inner landmarks, per coordinate, bias apart, > 0.
     double contour_sigma_mm = 4.0;        ///< Of outline landmarks, > 0; across the outline where it is re-matched.
     double contour_along_sigma_mm = 12.0; ///< Added along a re-matched outline, >= 0: where on it a landmark lies says
                                           ///< little.
     std::map<std::string, Eigen::Matrix2d> covariances_mm = {}; ///< Of single landmarks, in their stead [mm^2].
+    std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use instead; empty: the only one, if any. It is
+                                     ///< split into noise and bias in the ratio of the options' variances.
     double bias_sigma_mm = 2.0; ///< By how much, per axis, a detector's idea of a landmark differs from the model's
                                 ///< point in the same way in all images of a person; 0: not at all.
     RobustLoss loss = RobustLoss::student_t;

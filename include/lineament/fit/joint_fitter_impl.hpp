@@ -50,6 +50,7 @@ namespace detail {
     FitOptions base;
     base.contour = options.contour;
     base.contour_matching = options.contour_matching;
+    base.noise_detector = options.noise_detector;
     base.expression_set = options.expression_set;
     base.num_shape_coefficients = options.num_shape_coefficients;
     base.focal_length_px = options.focal_length_px;

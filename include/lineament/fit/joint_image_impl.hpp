@@ -96,6 +96,18 @@ struct NoiseSharing
     bool has_bias = false;        ///< Points tied to their map point have a bias among the unknowns.
 };
 
+/// The variance [mm^2] of the bias of a landmark of the map: the options', or its share in the noise the map states.
+[[nodiscard]] inline double bias_variance_mm(const FaceFitter& base, const JointOptions& options, int map_index)
+{
+    const double bias = options.bias_sigma_mm * options.bias_sigma_mm;
+    const double noise = options.landmark_sigma_mm * options.landmark_sigma_mm;
+    const Eigen::VectorXf* stated = base.landmark_noise_mm();
+    if (stated == nullptr || !std::isfinite((*stated)[map_index])) {
+        return bias;
+    }
+    return bias / (bias + noise) * (*stated)[map_index] * (*stated)[map_index];
+}
+
 /// Ties the landmarks of one image to model points, round by round, and gives them their weights.
 class JointImageMatcher
 {
@@ -115,9 +127,9 @@ public:
 private:
     [[nodiscard]] std::vector<OutlineMatch> match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
                                                           const Eigen::VectorXd& psi);
-    /// The noise of a landmark, stated for it or by default, and its bias where that counts as noise.
-    [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_sigma_mm, const NoiseSharing& noise,
-                                                bool has_bias) const;
+    /// The noise of a landmark and, where that counts as noise, its bias: those stated for it, or the default.
+    [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_variance_mm, double bias_variance,
+                                                const NoiseSharing& noise, bool has_bias) const;
     [[nodiscard]] bool is_outline(int landmark_index) const
     {
         return base_.scheme() == "ibug68" && outline_side(landmarks_.landmarks[landmark_index].name).has_value();
@@ -151,6 +163,8 @@ inline JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointO
     require(landmarks.scheme == base.scheme(), function, "landmarks.scheme", base.scheme(), landmarks.scheme);
     require(covariances_px.empty() || covariances_px.size() == landmarks.landmarks.size(), function, "covariances_px",
             "none, or one for each landmark", std::to_string(covariances_px.size()));
+    const LandmarkMap& map = base.landmark_map();
+    const Eigen::VectorXf* noise_mm = base.landmark_noise_mm();
     for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks.landmarks[l];
         const std::string place = "landmark \"" + landmark.name + "\"";
@@ -160,8 +174,11 @@ inline JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointO
         if (!covariances_px.empty()) {
             require_covariance(covariances_px[l], function, place + ".covariance_px");
         }
-        map_indices_.push_back(base.landmark_map().index_of(landmark.name));
-        if (map_indices_.back() < 0 || landmark.confidence == 0) {
+        const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
+        map_indices_.push_back(is_in_order ? static_cast<int>(l) : map.index_of(landmark.name));
+        const bool is_known = map_indices_.back() >= 0;
+        if (!is_known || landmark.confidence == 0 ||
+            (noise_mm != nullptr && std::isinf((*noise_mm)[map_indices_.back()]))) {
             continue;
         }
         if (!is_outline(static_cast<int>(l)) || options.contour == ContourMode::fixed) {
@@ -175,22 +192,25 @@ inline JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointO
     }
 }
 
-inline Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, double default_sigma_mm,
-                                                        const NoiseSharing& noise, bool has_bias) const
+inline Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, double default_variance_mm,
+                                                        double bias_variance, const NoiseSharing& noise,
+                                                        bool has_bias) const
 {
     const double mm_sq = noise.scale_px_per_mm * noise.scale_px_per_mm; // [px^2/mm^2]
-    const auto named = options_.covariances_mm.find(landmarks_.landmarks[landmark_index].name);
     const Eigen::Matrix2d unit = Eigen::Matrix2d::Identity();
-    const Eigen::Matrix2d own = !covariances_px_.empty() ? covariances_px_[landmark_index]
-                                : named != options_.covariances_mm.end()
-                                    ? Eigen::Matrix2d(mm_sq * named->second)
-                                    : mm_sq * default_sigma_mm * default_sigma_mm * unit;
+    Eigen::Matrix2d own = mm_sq * default_variance_mm * unit;
+    const auto named = options_.covariances_mm.find(landmarks_.landmarks[landmark_index].name);
+    if (!covariances_px_.empty()) {
+        own = covariances_px_[landmark_index];
+    } else if (named != options_.covariances_mm.end()) {
+        own = mm_sq * named->second;
+    }
     if (has_bias) {
         return own;
     }
     // What F images say of a point with noise C and common offset T is (C / F + T)^-1. Shared out evenly that is C + F
     // T for each; one by one, image n adds what n have over n - 1.                        docs/joint-fit.md, Eq. (18)
-    const Eigen::Matrix2d common = mm_sq * options_.bias_sigma_mm * options_.bias_sigma_mm * unit;
+    const Eigen::Matrix2d common = mm_sq * bias_variance * unit;
     if (noise.num_images > 1) {
         return own + noise.num_images * common;
     }
@@ -281,9 +301,14 @@ inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd
         const Eigen::Matrix2d weight = landmarks_.landmarks[l].confidence * covariance.inverse();
         image.used.push_back({l, bias_index, num_dimensions, weight.llt().matrixU()});
     };
+    const Eigen::VectorXf* stated = base_.landmark_noise_mm();
     for (const int l : fixed_) {
+        const int map_index = map_indices_[l];
         const double sigma_mm = is_outline(l) ? options_.contour_sigma_mm : options_.landmark_sigma_mm;
-        add(l, noise.has_bias ? map_indices_[l] : -1, 2, covariance_px(l, sigma_mm, noise, noise.has_bias));
+        const double bias_variance = bias_variance_mm(base_, options_, map_index);
+        const double variance =
+            stated != nullptr ? std::pow((*stated)[map_index], 2) - bias_variance : sigma_mm * sigma_mm;
+        add(l, noise.has_bias ? map_index : -1, 2, covariance_px(l, variance, bias_variance, noise, noise.has_bias));
     }
     ModelPoints ends =
         ModelPoints::sized(2, image.points.num_shape_coefficients(), image.points.num_expression_coefficients());
@@ -304,7 +329,8 @@ inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd
         const Eigen::Vector2d tangent(-match.normal.y(), match.normal.x());
         const double along_px = noise.scale_px_per_mm * options_.contour_along_sigma_mm;
         add(match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
-            covariance_px(match.landmark_index, options_.contour_sigma_mm, noise, false) +
+            covariance_px(match.landmark_index, options_.contour_sigma_mm * options_.contour_sigma_mm,
+                          options_.bias_sigma_mm * options_.bias_sigma_mm, noise, false) +
                 along_px * along_px * tangent * tangent.transpose());
     }
 }

@@ -78,7 +78,8 @@ public:
     {}
 
     std::vector<JointImage> images = {};
-    double reference_scale = 1.0; ///< phi of the shared focal length is that of an image of this scale.
+    Eigen::VectorXd bias_variances_mm = {}; ///< L, where there are biases [mm^2].
+    double reference_scale = 1.0;           ///< phi of the shared focal length is that of an image of this scale.
 
     [[nodiscard]] Eigen::Index num_shape() const { return prior_.vector.size(); }
     [[nodiscard]] Eigen::Index num_shared() const { return num_shape() + has_phi(); }
@@ -163,7 +164,7 @@ inline double JointProblem::prior_energy(const JointState& state) const
         energy += std::pow(state.phi_per_mm / *options_.phi_sigma_per_mm, 2);
     }
     if (state.bias.size() > 0) {
-        energy += (state.bias / options_.bias_sigma_mm).squaredNorm();
+        energy += state.bias.colwise().squaredNorm().transpose().cwiseQuotient(bias_variances_mm).sum();
     }
     return energy;
 }
@@ -277,13 +278,12 @@ inline void JointProblem::eliminate_biases(const JointState& state, JointSystem&
     if (num_biases == 0) {
         return;
     }
-    const double prior = 1 / (options_.bias_sigma_mm * options_.bias_sigma_mm);
-    system.bias_gradient += prior * state.bias;
     system.bias_inverse.resize(3, 3 * num_biases);
     Eigen::MatrixXd scaled(system.hessian.rows(), 3 * num_biases); // coupling times the inverse's root
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         Eigen::Matrix3d block = system.bias_blocks.middleCols<3>(3 * b);
-        block.diagonal().array() += prior;
+        block.diagonal().array() += 1 / bias_variances_mm[b];
+        system.bias_gradient.col(b) += state.bias.col(b) / bias_variances_mm[b];
         const Eigen::Matrix3d inverse = block.inverse();
         system.bias_inverse.middleCols<3>(3 * b) = inverse;
         const Eigen::Matrix3d root = inverse.llt().matrixL();
