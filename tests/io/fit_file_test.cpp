@@ -153,7 +153,8 @@ TEST(FitFile, WrongContentIsRefusedWithItsPointer)
     refused("/faces/1/camera/scale_px_per_mm", "1", "a number");
     refused("/faces/1/landmarks/0/point_px", json::array({1}), "[x, y]");
     refused("/faces/1/expression/values", json::array(), "an object");
-    for (const char* member : {"status", "pose", "camera", "shape_coefficients", "landmarks", "dof", "iterations", "timing_us"}) {
+    for (const char* member :
+         {"status", "pose", "camera", "shape_coefficients", "landmarks", "dof", "iterations", "timing_us"}) {
         json bad = good;
         bad["faces"][0].erase(member);
         EXPECT_TRUE(throws<IoError>([&] { (void)parse_fit_json(bad.dump(), "fit.json"); },
