@@ -3,7 +3,7 @@
 #
 # Shared by the scripts beside it: steps with progress, and the packages each job needs. Source it, do not run it.
 
-set -euo pipefail
+set -Eeuo pipefail # E: on_error also for what fails inside a function
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/lineament
 log=$(mktemp -t lineament-log-XXXXXX)
