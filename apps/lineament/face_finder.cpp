@@ -48,6 +48,9 @@ void FaceFinder::load()
     if (options_.detector == "none") {
         throw Failure(wrong_use, "--detector none: nothing finds faces then; give --landmarks");
     }
+    if (uses_mesh() && options_.min_face_px > 0.0) {
+        throw Failure(wrong_use, "--min-face is a setting of --detector dlib; mediapipe's networks have no such limit");
+    }
     if (uses_mesh() && !mesh_) {
         mesh_.emplace();
     } else if (!uses_mesh() && !dlib_) {

@@ -40,7 +40,7 @@ public:
     explicit FaceFinder(FinderOptions options) : options_(std::move(options)) {}
 
     /// All faces, largest first.
-    /// @throws Failure(wrong_use) if the detector is "none"; IoError if its files are missing.
+    /// @throws Failure(wrong_use) if the detector is "none" or has no smallest face; IoError if its files are missing.
     [[nodiscard]] std::vector<FoundFace> find(const ImageU8& picture);
 
     /// The largest face.
