@@ -15,19 +15,27 @@ function(lineament_private_flags target)
 endfunction()
 
 # Declares include/lineament/<module>/*.hpp of the named modules as the public headers of <target>.
-# The headers are listed in include/lineament/<module>/headers.cmake, one list `headers` a module.
+# The headers are listed in include/lineament/<module>/headers.cmake: `headers`, and `definitions` for those that only
+# hold the definitions of others, which include them.
 function(lineament_public_headers target scope)
     set(files)
+    set(definition_files)
     foreach(module IN LISTS ARGN)
         set(headers)
+        set(definitions)
         include(${PROJECT_SOURCE_DIR}/include/lineament/${module}/headers.cmake)
-        foreach(header IN LISTS headers)
-            list(APPEND files ${PROJECT_SOURCE_DIR}/include/lineament/${module}/${header})
-        endforeach()
+        list(TRANSFORM headers PREPEND ${PROJECT_SOURCE_DIR}/include/lineament/${module}/ OUTPUT_VARIABLE module_files)
+        list(APPEND files ${module_files})
+        list(TRANSFORM definitions PREPEND ${PROJECT_SOURCE_DIR}/include/lineament/${module}/ OUTPUT_VARIABLE module_files)
+        list(APPEND definition_files ${module_files})
     endforeach()
-    target_sources(${target} ${scope} FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}/include FILES ${files})
+    set(base ${PROJECT_SOURCE_DIR}/include)
+    target_sources(${target} ${scope} FILE_SET HEADERS BASE_DIRS ${base} FILES ${files})
+    if(definition_files)
+        target_sources(${target} ${scope} FILE_SET definitions TYPE HEADERS BASE_DIRS ${base} FILES ${definition_files})
+    endif()
     # Every header compiles alone: target all_verify_interface_header_sets.
-    set_target_properties(${target} PROPERTIES VERIFY_INTERFACE_HEADER_SETS ON)
+    set_target_properties(${target} PROPERTIES VERIFY_INTERFACE_HEADER_SETS ON INTERFACE_HEADER_SETS_TO_VERIFY HEADERS)
 endfunction()
 
 # A compiled library lineament_<module> with alias and export name lineament::<module>.

@@ -7,6 +7,7 @@
 #include "default_identity.hpp"
 #include "default_regions.hpp"
 #include "face_points.hpp"
+#include "ibug_points.hpp"
 #include "mediapipe_points.hpp"
 #include "symmetric_pca.hpp"
 
@@ -56,20 +57,6 @@ Matrix reordered(const Matrix& rows, const Eigen::VectorXi& order)
         result.middleRows(3 * v, 3) = rows.middleRows(3 * order[v], 3);
     }
     return result;
-}
-
-LandmarkMap make_landmark_map(const std::vector<int>& vertices)
-{
-    LandmarkMap map;
-    map.scheme = "ibug68";
-    const auto count = static_cast<Eigen::Index>(vertices.size());
-    map.vertices.resize(3, count);
-    map.weights = Eigen::Vector3f::UnitX().replicate(1, count);
-    for (Eigen::Index l = 0; l < count; ++l) {
-        map.names.push_back(std::to_string(l + 1));
-        map.vertices.col(l).setConstant(vertices[static_cast<std::size_t>(l)]);
-    }
-    return map;
 }
 
 } // namespace
@@ -145,7 +132,6 @@ MorphableModel generate_default_model(const std::filesystem::path& package_folde
     for (const int v : landmarks) {
         landmark_vertices.push_back(new_index[static_cast<std::size_t>(v)]);
     }
-    model.landmark_maps.push_back(make_landmark_map(landmark_vertices));
     for (const int v : contour) {
         model.contour_right.push_back(new_index[static_cast<std::size_t>(v)]);
         model.contour_left.push_back(model.mirror[model.contour_right.back()]);
@@ -164,7 +150,10 @@ MorphableModel generate_default_model(const std::filesystem::path& package_folde
         level.uv_triangles = nested_level.triangles;
         model.levels.push_back(level);
     }
-    model.landmark_maps.push_back(build::make_mediapipe_map(model));
+    model.landmark_maps.push_back(build::make_ibug_map(model, landmark_vertices,
+                                                       options.landmarks_at_vertices ? Eigen::Matrix2Xd::Zero(2, 68)
+                                                                                     : build::annotator_offsets_mm()));
+    model.landmark_maps.push_back(build::make_mediapipe_map(model, landmark_vertices[37 - 1]));
     return model;
 }
 

@@ -35,9 +35,10 @@ struct MeshPoint
 /// comes from: models/README.md.
 extern const std::array<MeshPoint, 253> mediapipe_points;
 
-/// The landmark map "mediapipe478" of a model with the scheme ibug68, a mirror map and the groups "skin" and "eyes":
-/// each point of the table at the nearest point of the coarsest level's skin, the irises on its eyes. Left and right
-/// are mirror images. Noise "mediapipe": docs/model.md; infinite for the irises, which look where they like.
-[[nodiscard]] LandmarkMap make_mediapipe_map(const MorphableModel& model);
+/// The landmark map "mediapipe478" of a model with a mirror map and the groups "skin" and "eyes": each point of the
+/// table at the nearest point of the coarsest level's skin, the irises on its eyes. Left and right are mirror images.
+/// Noise "mediapipe": docs/model.md; infinite for the irises, which look where they like.
+/// @param right_eye_corner  Vertex at the outer corner of the subject's right eye.
+[[nodiscard]] LandmarkMap make_mediapipe_map(const MorphableModel& model, int right_eye_corner);
 
 } // namespace lineament::build

@@ -133,10 +133,37 @@ TEST(DefaultModel, LandmarksAreSymmetricAndLieOnTheCoarsestLevel)
     const LandmarkMap& map = *model.find_landmark_map("ibug68");
     ASSERT_EQ(map.num_landmarks(), 68);
     for (int number = 1; number <= 68; ++number) {
-        const int vertex = map.vertices(0, number - 1);
-        EXPECT_EQ(model.mirror[vertex], map.vertices(0, mirrored_landmark(number) - 1)) << number;
-        EXPECT_LT(vertex, model.levels.front().num_vertices) << number;
+        for (int corner = 0; corner < 3; ++corner) {
+            const int vertex = map.vertices(corner, number - 1);
+            const int partner = map.vertices(corner, mirrored_landmark(number) - 1);
+            const float weight = map.weights(corner, number - 1);
+            if (mirrored_landmark(number) != number) {
+                EXPECT_EQ(model.mirror[vertex], partner) << number;
+                EXPECT_EQ(weight, map.weights(corner, mirrored_landmark(number) - 1)) << number;
+            }
+            EXPECT_LT(vertex, model.levels.front().num_vertices) << number;
+            EXPECT_GE(weight, 0.0F) << number;
+        }
+        EXPECT_NEAR(map.weights.col(number - 1).sum(), 1.0F, 1e-6F) << number;
     }
+    const Eigen::Matrix3Xf points = landmarks_on(model, model.shape.mean);
+    for (const int number : {9, 28, 29, 30, 31, 34, 52, 58, 63, 67}) {
+        EXPECT_NEAR(at(points, number).x(), 0.0F, 1e-3F) << number;
+    }
+}
+
+/// What docs/model.md tells of the places where annotators put landmarks.
+TEST(DefaultModel, LandmarksLieWhereAnnotatorsPutThem)
+{
+    const Eigen::Matrix3Xf points = landmarks_on(committed_model(), committed_model().shape.mean);
+    EXPECT_GT(at(points, 38).x(), at(points, 37).x() + 5.0F);           // lid, inward of the eye corner
+    EXPECT_LT(at(points, 22).x(), -8.0F);                               // inner end of the brow
+    EXPECT_GT(at(points, 22).y(), at(points, 40).y() + 10.0F);          // above the inner eye corner
+    EXPECT_LT(at(points, 61).x(), -15.0F);                              // inner corner of the lips ...
+    EXPECT_GT(at(points, 61).x(), at(points, 49).x() + 2.0F);           // ... inward of the outer one
+    EXPECT_GT(at(points, 32).x(), at(points, 49).x());                  // the nose is narrower
+    EXPECT_NEAR((at(points, 52) - at(points, 58)).norm(), 20.4F, 1.0F); // height of the lips
+    EXPECT_NEAR((at(points, 37) - at(points, 46)).norm(), 87.6F, 1.0F); // outer eye corners
 }
 
 TEST(DefaultModel, ContoursMirrorEachOtherFromEarToChinOnTheCoarsestLevel)
@@ -207,7 +234,7 @@ struct Distance
 };
 
 /// The distances of docs/model.md: means and spread of 600 people sampled with the calibrated sliders, by another
-/// program.
+/// program, with landmarks at vertices: up to 4 mm from where they lie now.
 const std::vector<Distance> calibrated_distances = {{37, 46, 88.8, 5.1}, {40, 43, 34.9, 3.2}, {1, 17, 151.0, 7.6},
                                                     {5, 13, 121.0, 8.1}, {28, 9, 114.6, 7.2}, {28, 34, 51.6, 3.7},
                                                     {34, 9, 66.2, 4.7},  {32, 36, 32.8, 3.2}, {31, 34, 18.3, 2.7},
@@ -229,9 +256,9 @@ TEST(DefaultModel, DistancesAndTheirSpreadAreThoseOfTheCalibration)
             variance += slope * slope;
         }
         const double mean = length(model.shape.mean);
-        EXPECT_LE(std::abs(mean / d.mean_mm - 1.0), 0.15) << d.from << "-" << d.to << ": " << mean;
+        EXPECT_LE(std::abs(mean / d.mean_mm - 1.0), 0.2) << d.from << "-" << d.to << ": " << mean;
         const double sigma = std::sqrt(variance);
-        EXPECT_LE(std::abs(sigma / d.sigma_mm - 1.0), 0.15) << d.from << "-" << d.to << ": sigma " << sigma;
+        EXPECT_LE(std::abs(sigma / d.sigma_mm - 1.0), 0.2) << d.from << "-" << d.to << ": sigma " << sigma;
     }
 }
 

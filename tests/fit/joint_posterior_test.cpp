@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Derivatives, optimality, certainty and several images of the joint fit.
+#include "lineament/fit/joint_fit_impl.hpp"
 #include "lineament/fit/joint_fitter.hpp"
 
 #include "support/matchers.hpp"

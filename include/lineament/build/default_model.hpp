@@ -15,6 +15,8 @@ struct DefaultModelOptions
     double scale = 1.065;                        ///< MakeHuman's heads are about 6 % small; > 0.
     int num_shape_coefficients = 60;             ///< >= 1.
     std::vector<int> level_counts = {844, 1699}; ///< Vertices of the coarser levels, rising.
+    /// Leave the points of ibug68 at vertices instead of where annotators put them: to measure by how much they differ.
+    bool landmarks_at_vertices = false;
 
     /// @throws InvalidArgument naming the member and the value.
     void check() const;

@@ -44,4 +44,6 @@ struct BoundedLeastSquaresResult
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_FIT
 #include "lineament/fit/bounded_least_squares_impl.hpp"
+#endif

@@ -4,6 +4,8 @@
 
 #include "lineament/fit/bounded_least_squares.hpp"
 
+#include "lineament/fit/inline.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -37,10 +39,9 @@ namespace detail {
 
 } // namespace detail
 
-inline BoundedLeastSquaresResult solve_bounded_least_squares(const Eigen::Ref<const Eigen::MatrixXd>& gram,
-                                                             const Eigen::Ref<const Eigen::VectorXd>& right_side,
-                                                             const Eigen::VectorXd& lower, const Eigen::VectorXd& upper,
-                                                             const Eigen::VectorXd& start, int max_iterations)
+LINEAMENT_FIT_INLINE BoundedLeastSquaresResult solve_bounded_least_squares(
+    const Eigen::Ref<const Eigen::MatrixXd>& gram, const Eigen::Ref<const Eigen::VectorXd>& right_side,
+    const Eigen::VectorXd& lower, const Eigen::VectorXd& upper, const Eigen::VectorXd& start, int max_iterations)
 {
     const char* const function = "solve_bounded_least_squares";
     const Eigen::Index size = right_side.size();

@@ -143,5 +143,7 @@ private:
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_FIT
 #include "lineament/fit/contour_impl.hpp"
 #include "lineament/fit/silhouette_impl.hpp"
+#endif

@@ -5,12 +5,14 @@
 #include "lineament/fit/contour.hpp"
 
 #include "lineament/camera/angles.hpp"
+#include "lineament/fit/contour_support_impl.hpp"
+#include "lineament/fit/inline.hpp"
 
 #include <limits>
 
 namespace lineament {
 
-inline std::optional<FaceSide> outline_side(const std::string& name)
+LINEAMENT_FIT_INLINE std::optional<FaceSide> outline_side(const std::string& name)
 {
     if (name.empty() || name.size() > 2 || name.find_first_not_of("0123456789") != std::string::npos ||
         name.front() == '0') {
@@ -26,7 +28,7 @@ inline std::optional<FaceSide> outline_side(const std::string& name)
     return std::nullopt;
 }
 
-inline ContourView contour_view(double yaw_rad, ContourView before, const ContourOptions& options)
+LINEAMENT_FIT_INLINE ContourView contour_view(double yaw_rad, ContourView before, const ContourOptions& options)
 {
     const double yaw_deg = degrees(yaw_rad);
     const double widened = before == ContourView::frontal ? options.hysteresis_deg : -options.hysteresis_deg;
@@ -38,40 +40,10 @@ inline ContourView contour_view(double yaw_rad, ContourView before, const Contou
     return yaw_deg > 0 ? ContourView::shows_right : ContourView::shows_left;
 }
 
-namespace detail {
-
-/// Position of the nearest column to the point, and the distance; -1 if there is none.
-[[nodiscard]] inline std::pair<int, double> nearest_column(const Eigen::Matrix2Xd& points, const Eigen::Vector2d& point)
-{
-    int nearest = -1;
-    double least = std::numeric_limits<double>::infinity();
-    for (Eigen::Index i = 0; i < points.cols(); ++i) {
-        const double distance = (points.col(i) - point).squaredNorm();
-        if (distance < least) {
-            least = distance;
-            nearest = static_cast<int>(i);
-        }
-    }
-    return {nearest, std::sqrt(least)};
-}
-
-/// Image points (2 x N) of single vertices.
-[[nodiscard]] inline Eigen::Matrix2Xd project_vertices(const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices,
-                                                       const std::vector<int>& vertices, const Camera& camera)
-{
-    Eigen::Matrix2Xd points(2, static_cast<Eigen::Index>(vertices.size()));
-    for (std::size_t i = 0; i < vertices.size(); ++i) {
-        const Eigen::Vector3d vertex = shape_vertices.col(vertices[i]).cast<double>();
-        points.col(static_cast<Eigen::Index>(i)) = camera.project(vertex);
-    }
-    return points;
-}
-
-} // namespace detail
-
-inline ContourMatches match_contour(const ContourModel& contour,
-                                    const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices, const Camera& camera,
-                                    const LandmarkSet& landmarks, ContourView before, const ContourOptions& options)
+LINEAMENT_FIT_INLINE ContourMatches match_contour(const ContourModel& contour,
+                                                  const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices,
+                                                  const Camera& camera, const LandmarkSet& landmarks,
+                                                  ContourView before, const ContourOptions& options)
 {
     require_size(shape_vertices.cols(), contour.num_vertices(), "match_contour", "shape_vertices");
     ContourMatches result;

@@ -5,6 +5,7 @@
 #include "lineament/fit/face_fitter.hpp"
 
 #include "lineament/fit/frame_fit_impl.hpp"
+#include "lineament/fit/inline.hpp"
 
 #include <cmath>
 #include <limits>
@@ -12,7 +13,7 @@
 
 namespace lineament {
 
-inline FitOptions FitOptions::published_prior()
+LINEAMENT_FIT_INLINE FitOptions FitOptions::published_prior()
 {
     FitOptions options;
     options.noise_units = NoiseUnits::pixels;
@@ -22,7 +23,7 @@ inline FitOptions FitOptions::published_prior()
     return options;
 }
 
-inline void FitOptions::check() const
+LINEAMENT_FIT_INLINE void FitOptions::check() const
 {
     const auto require_positive = [](double value, const char* member) {
         require(std::isfinite(value) && value > 0, "FitOptions", member, "a finite number > 0", to_text(value));
@@ -45,7 +46,7 @@ inline void FitOptions::check() const
     require_positive(focal_length_px.value_or(1.0), "focal_length_px");
 }
 
-inline FaceFitter::FaceFitter(MorphableModel model, std::string scheme, FitOptions options)
+LINEAMENT_FIT_INLINE FaceFitter::FaceFitter(MorphableModel model, std::string scheme, FitOptions options)
     : model_(std::move(model)), scheme_(std::move(scheme)), options_(std::move(options))
 {
     options_.check();
@@ -77,16 +78,16 @@ inline FaceFitter::FaceFitter(MorphableModel model, std::string scheme, FitOptio
     }
 }
 
-inline const Eigen::VectorXf* FaceFitter::landmark_noise_mm() const
+LINEAMENT_FIT_INLINE const Eigen::VectorXf* FaceFitter::landmark_noise_mm() const
 {
     const auto& noise_mm = landmark_map().noise_mm;
     const auto found = options_.noise_detector.empty() ? noise_mm.begin() : noise_mm.find(options_.noise_detector);
     return found == noise_mm.end() ? nullptr : &found->second;
 }
 
-inline void FaceFitter::update_shape(const Eigen::VectorXd& shape_coefficients,
-                                     const Eigen::VectorXd& expression_coefficients, ContourView view,
-                                     Eigen::Matrix3Xf& shape_vertices) const
+LINEAMENT_FIT_INLINE void FaceFitter::update_shape(const Eigen::VectorXd& shape_coefficients,
+                                                   const Eigen::VectorXd& expression_coefficients, ContourView view,
+                                                   Eigen::Matrix3Xf& shape_vertices) const
 {
     const Eigen::VectorXf alpha = shape_coefficients.cast<float>();
     const Eigen::VectorXf psi = expression_coefficients.cast<float>();
@@ -110,7 +111,7 @@ inline void FaceFitter::update_shape(const Eigen::VectorXd& shape_coefficients,
     update_each(contour_->candidates(FaceSide::right));
 }
 
-inline void FaceFitter::assign_vertex(ModelPoints& points, Eigen::Index to, int vertex) const
+LINEAMENT_FIT_INLINE void FaceFitter::assign_vertex(ModelPoints& points, Eigen::Index to, int vertex) const
 {
     const Eigen::Index column = 3 * static_cast<Eigen::Index>(vertex);
     points.mean.col(to) = model_.shape.mean.segment<3>(column).cast<double>();
@@ -134,8 +135,8 @@ namespace detail {
 
 } // namespace detail
 
-inline FitResult FaceFitter::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
-                                 const FitResult* start) const
+LINEAMENT_FIT_INLINE FitResult FaceFitter::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                                               const FitResult* start) const
 {
     double total_us = 0;
     FitResult result;
@@ -177,10 +178,10 @@ inline FitResult FaceFitter::fit(const LandmarkSet& landmarks, const Eigen::Vect
     return result;
 }
 
-inline FitResult FaceFitter::fit_pose_and_expression(const LandmarkSet& landmarks,
-                                                     const Eigen::Vector2d& principal_point_px,
-                                                     const Eigen::VectorXd& shape_coefficients,
-                                                     const FitResult* start) const
+LINEAMENT_FIT_INLINE FitResult FaceFitter::fit_pose_and_expression(const LandmarkSet& landmarks,
+                                                                   const Eigen::Vector2d& principal_point_px,
+                                                                   const Eigen::VectorXd& shape_coefficients,
+                                                                   const FitResult* start) const
 {
     require(shape_coefficients.size() <= num_shape_coefficients(), "FaceFitter::fit_pose_and_expression",
             "shape_coefficients", "at most " + std::to_string(num_shape_coefficients()),
@@ -212,8 +213,8 @@ inline FitResult FaceFitter::fit_pose_and_expression(const LandmarkSet& landmark
     return result;
 }
 
-inline FitResult fit_face(const MorphableModel& model, const LandmarkSet& landmarks,
-                          const Eigen::Vector2d& principal_point_px, const FitOptions& options)
+LINEAMENT_FIT_INLINE FitResult fit_face(const MorphableModel& model, const LandmarkSet& landmarks,
+                                        const Eigen::Vector2d& principal_point_px, const FitOptions& options)
 {
     return FaceFitter(model, landmarks.scheme, options).fit(landmarks, principal_point_px);
 }

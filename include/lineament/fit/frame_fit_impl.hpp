@@ -5,6 +5,7 @@
 #ifndef LINEAMENT_FIT_FRAME_FIT_IMPL_HPP
 #define LINEAMENT_FIT_FRAME_FIT_IMPL_HPP
 
+#include "lineament/camera/angles.hpp"
 #include "lineament/fit/expression.hpp"
 #include "lineament/fit/pose.hpp"
 

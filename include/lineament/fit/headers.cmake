@@ -1,33 +1,39 @@
 set(headers
     affine_camera.hpp
     bounded_least_squares.hpp
-    bounded_least_squares_impl.hpp
     contour.hpp
-    contour_impl.hpp
-    depth_buffer_impl.hpp
     expression.hpp
     face_fitter.hpp
-    face_fitter_impl.hpp
     fit_result.hpp
     fitted_shape.hpp
-    frame_fit_impl.hpp
+    frame_selection.hpp
     identity.hpp
     identity_filter.hpp
+    inline.hpp
+    joint_fitter.hpp
+    model_points.hpp
+    multi_frame.hpp
+    nnls.hpp
+    pose.hpp
+    robust_loss.hpp
+)
+set(definitions
+    bounded_least_squares_impl.hpp
+    contour_impl.hpp
+    contour_support_impl.hpp
+    depth_buffer_impl.hpp
+    face_fitter_impl.hpp
+    frame_fit_impl.hpp
     identity_impl.hpp
     joint_fit_impl.hpp
-    joint_fitter.hpp
     joint_fitter_impl.hpp
     joint_image_impl.hpp
     joint_problem_impl.hpp
     joint_solver_impl.hpp
-    model_points.hpp
-    frame_selection.hpp
-    multi_frame.hpp
     multi_frame_impl.hpp
-    nnls.hpp
     perspective_pose_impl.hpp
-    pose.hpp
     pose_impl.hpp
+    pose_step_impl.hpp
     pose_support_impl.hpp
-    robust_loss.hpp
-    silhouette_impl.hpp)
+    silhouette_impl.hpp
+)

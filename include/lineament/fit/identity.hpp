@@ -78,4 +78,6 @@ fit_identity(const ModelPoints& points, const Eigen::Ref<const Eigen::Matrix2Xd>
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_FIT
 #include "lineament/fit/identity_impl.hpp"
+#endif

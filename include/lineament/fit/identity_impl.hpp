@@ -4,13 +4,14 @@
 
 #include "lineament/fit/identity.hpp"
 
+#include "lineament/fit/inline.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
 #include <cmath>
 
 namespace lineament {
 
-inline void IdentityOptions::check() const
+LINEAMENT_FIT_INLINE void IdentityOptions::check() const
 {
     require(std::isfinite(regularization) && regularization >= 0, "IdentityOptions", "regularization",
             "a finite number >= 0", to_text(regularization));
@@ -19,14 +20,16 @@ inline void IdentityOptions::check() const
     require(max_coefficient > 0, "IdentityOptions", "max_coefficient", "> 0", to_text(max_coefficient));
 }
 
-inline IdentitySystem::IdentitySystem(Eigen::Index num_coefficients)
+LINEAMENT_FIT_INLINE IdentitySystem::IdentitySystem(Eigen::Index num_coefficients)
     : gram_(Eigen::MatrixXd::Zero(num_coefficients, num_coefficients)),
       right_side_(Eigen::VectorXd::Zero(num_coefficients))
 {}
 
-inline void IdentitySystem::add(const ModelPoints& points, const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
-                                const Eigen::VectorXd& weights, const Camera& camera,
-                                const Eigen::VectorXd& expression_coefficients, const Eigen::VectorXd& linearization)
+LINEAMENT_FIT_INLINE void IdentitySystem::add(const ModelPoints& points,
+                                              const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                              const Eigen::VectorXd& weights, const Camera& camera,
+                                              const Eigen::VectorXd& expression_coefficients,
+                                              const Eigen::VectorXd& linearization)
 {
     const Eigen::Index num_points = points.num_points();
     const Eigen::Matrix3Xd shape = points.at(linearization, expression_coefficients);
@@ -45,7 +48,7 @@ inline void IdentitySystem::add(const ModelPoints& points, const Eigen::Ref<cons
     right_side_.noalias() += rows * residuals;
 }
 
-inline IdentityResult IdentitySystem::solve(const IdentityOptions& options) const
+LINEAMENT_FIT_INLINE IdentityResult IdentitySystem::solve(const IdentityOptions& options) const
 {
     options.check();
     IdentityResult result;
@@ -76,10 +79,11 @@ inline IdentityResult IdentitySystem::solve(const IdentityOptions& options) cons
     return result;
 }
 
-inline IdentityResult fit_identity(const ModelPoints& points, const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
-                                   const Camera& camera, const Eigen::VectorXd& weights,
-                                   const Eigen::VectorXd& expression_coefficients, const IdentityOptions& options,
-                                   const Eigen::VectorXd& linearization)
+LINEAMENT_FIT_INLINE IdentityResult fit_identity(const ModelPoints& points,
+                                                 const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                                 const Camera& camera, const Eigen::VectorXd& weights,
+                                                 const Eigen::VectorXd& expression_coefficients,
+                                                 const IdentityOptions& options, const Eigen::VectorXd& linearization)
 {
     options.check();
     detail::check_pairs(points.mean, image_points, weights, camera.principal_point_px, "fit_identity");

@@ -152,4 +152,6 @@ private:
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_FIT
 #include "lineament/fit/joint_fitter_impl.hpp"
+#endif

@@ -5,6 +5,7 @@
 #ifndef LINEAMENT_FIT_JOINT_FITTER_IMPL_HPP
 #define LINEAMENT_FIT_JOINT_FITTER_IMPL_HPP
 
+#include "lineament/fit/inline.hpp"
 #include "lineament/fit/joint_fit_impl.hpp"
 
 #include <algorithm>
@@ -13,7 +14,7 @@
 
 namespace lineament {
 
-inline void JointOptions::check() const
+LINEAMENT_FIT_INLINE void JointOptions::check() const
 {
     const auto require_positive = [](double value, const char* member) {
         require(std::isfinite(value) && value > 0, "JointOptions", member, "a finite number > 0", to_text(value));
@@ -59,13 +60,14 @@ namespace detail {
 
 } // namespace detail
 
-inline JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options)
+LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options)
     : options_(std::move(options)), base_(std::move(model), std::move(scheme), detail::base_options(options_))
 {}
 
-inline JointFitResult JointFitter::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
-                                       const FitResult* start, std::span<const Eigen::Matrix2d> covariances_px,
-                                       const IdentityFilter* earlier) const
+LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmarks,
+                                                     const Eigen::Vector2d& principal_point_px, const FitResult* start,
+                                                     std::span<const Eigen::Matrix2d> covariances_px,
+                                                     const IdentityFilter* earlier) const
 {
     const IdentityFilter none(num_shape_coefficients());
     const IdentityFilter& filter = earlier != nullptr ? *earlier : none;
@@ -76,10 +78,9 @@ inline JointFitResult JointFitter::fit(const LandmarkSet& landmarks, const Eigen
     return std::move(fit.result().frames.front());
 }
 
-inline JointFramesResult JointFitter::fit_frames(std::span<const LandmarkSet> frames,
-                                                 const Eigen::Vector2d& principal_point_px,
-                                                 std::span<const FitResult> starts,
-                                                 std::span<const std::vector<Eigen::Matrix2d>> covariances_px) const
+LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
+    std::span<const LandmarkSet> frames, const Eigen::Vector2d& principal_point_px, std::span<const FitResult> starts,
+    std::span<const std::vector<Eigen::Matrix2d>> covariances_px) const
 {
     require(starts.empty() || starts.size() == frames.size(), "JointFitter::fit_frames", "starts",
             "none, or one for each image", std::to_string(starts.size()));
@@ -95,9 +96,9 @@ inline JointFramesResult JointFitter::fit_frames(std::span<const LandmarkSet> fr
     return fit.result();
 }
 
-inline IdentityInformation JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitResult& at,
-                                                             int num_earlier,
-                                                             std::span<const Eigen::Matrix2d> covariances_px) const
+LINEAMENT_FIT_INLINE IdentityInformation
+JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitResult& at, int num_earlier,
+                                  std::span<const Eigen::Matrix2d> covariances_px) const
 {
     require(at.covariance.size() > 0, "JointFitter::identity_information", "at", "a fit with a usable pose",
             to_string(at.fit.status));
@@ -124,7 +125,8 @@ namespace detail {
 
 } // namespace detail
 
-inline Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model, const Eigen::MatrixXd& shape_covariance)
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model,
+                                                                 const Eigen::MatrixXd& shape_covariance)
 {
     const char* const function = "vertex_standard_deviations";
     const Eigen::Index count = shape_covariance.rows();
@@ -137,7 +139,8 @@ inline Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model, 
     return detail::spread_over_vertices(basis, shape_covariance);
 }
 
-inline Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model, const JointFitResult& result)
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model,
+                                                                 const JointFitResult& result)
 {
     const char* const function = "vertex_standard_deviations";
     const Eigen::Index num_shape = result.fit.shape_coefficients.size();

@@ -6,6 +6,7 @@
 #define LINEAMENT_FIT_JOINT_PROBLEM_IMPL_HPP
 
 #include "lineament/fit/pose.hpp"
+#include "lineament/fit/pose_step_impl.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>

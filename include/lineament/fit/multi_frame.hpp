@@ -51,4 +51,6 @@ struct MultiFrameResult
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_FIT
 #include "lineament/fit/multi_frame_impl.hpp"
+#endif

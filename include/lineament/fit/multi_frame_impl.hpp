@@ -4,10 +4,13 @@
 
 #include "lineament/fit/multi_frame.hpp"
 
+#include "lineament/fit/frame_fit_impl.hpp"
+#include "lineament/fit/inline.hpp"
+
 namespace lineament {
 
-inline MultiFrameResult fit_frames(const FaceFitter& fitter, std::span<const LandmarkSet> frames,
-                                   const Eigen::Vector2d& principal_point_px, PriorCount prior_count)
+LINEAMENT_FIT_INLINE MultiFrameResult fit_frames(const FaceFitter& fitter, std::span<const LandmarkSet> frames,
+                                                 const Eigen::Vector2d& principal_point_px, PriorCount prior_count)
 {
     MultiFrameResult result;
     Eigen::VectorXd alpha = Eigen::VectorXd::Zero(fitter.num_shape_coefficients());
@@ -68,8 +71,9 @@ inline MultiFrameResult fit_frames(const FaceFitter& fitter, std::span<const Lan
     return result;
 }
 
-inline MultiFrameResult fit_frames(const MorphableModel& model, std::span<const LandmarkSet> frames,
-                                   const Eigen::Vector2d& principal_point_px, const MultiFrameOptions& options)
+LINEAMENT_FIT_INLINE MultiFrameResult fit_frames(const MorphableModel& model, std::span<const LandmarkSet> frames,
+                                                 const Eigen::Vector2d& principal_point_px,
+                                                 const MultiFrameOptions& options)
 {
     const FaceFitter fitter(model, frames.empty() ? "ibug68" : frames.front().scheme, options.fit);
     return fit_frames(fitter, frames, principal_point_px, options.prior_count);

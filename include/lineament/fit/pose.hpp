@@ -55,5 +55,7 @@ struct PoseResult
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_FIT
 #include "lineament/fit/perspective_pose_impl.hpp"
 #include "lineament/fit/pose_impl.hpp"
+#endif

@@ -4,6 +4,7 @@
 
 #include "lineament/fit/pose.hpp"
 
+#include "lineament/fit/inline.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -28,9 +29,10 @@ namespace detail {
 
 } // namespace detail
 
-inline PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
-                                const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
-                                const Eigen::VectorXd& given_weights, const Eigen::Vector2d& principal_point_px)
+LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                                              const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                              const Eigen::VectorXd& given_weights,
+                                              const Eigen::Vector2d& principal_point_px)
 {
     detail::check_pairs(points_in_model, image_points, given_weights, principal_point_px, "estimate_pose");
     const Eigen::Index num_points = points_in_model.cols();

@@ -5,6 +5,7 @@
 #include "lineament/fit/contour.hpp"
 
 #include "lineament/fit/depth_buffer_impl.hpp"
+#include "lineament/fit/inline.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -24,7 +25,7 @@ inline void sort_unique(std::vector<int>& values)
 
 } // namespace detail
 
-inline ContourModel::ContourModel(const MorphableModel& model) : num_vertices_(model.num_vertices())
+LINEAMENT_FIT_INLINE ContourModel::ContourModel(const MorphableModel& model) : num_vertices_(model.num_vertices())
 {
     require(!model.levels.empty(), "ContourModel", "model.levels", "at least one level", "none");
     triangles_ = model.levels.back().triangles;
@@ -35,12 +36,12 @@ inline ContourModel::ContourModel(const MorphableModel& model) : num_vertices_(m
     add_edges(model);
 }
 
-inline const std::vector<int>& ContourModel::candidates(FaceSide side) const
+LINEAMENT_FIT_INLINE const std::vector<int>& ContourModel::candidates(FaceSide side) const
 {
     return side_of(side).candidates;
 }
 
-inline void ContourModel::add_edges(const MorphableModel& model)
+LINEAMENT_FIT_INLINE void ContourModel::add_edges(const MorphableModel& model)
 {
     const LandmarkMap* map = model.find_landmark_map("ibug68");
     require(map != nullptr, "ContourModel", "model.landmark_maps", "a map of the scheme ibug68", "none");
@@ -105,9 +106,9 @@ inline void ContourModel::add_edges(const MorphableModel& model)
     }
 }
 
-inline std::vector<int> ContourModel::silhouette_vertices(const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices,
-                                                          const Camera& camera, FaceSide side_name,
-                                                          double occlusion_depth_mm) const
+LINEAMENT_FIT_INLINE std::vector<int>
+ContourModel::silhouette_vertices(const Eigen::Ref<const Eigen::Matrix3Xf>& shape_vertices, const Camera& camera,
+                                  FaceSide side_name, double occlusion_depth_mm) const
 {
     require_size(shape_vertices.cols(), num_vertices_, "ContourModel::silhouette_vertices", "shape_vertices");
     const Side& side = side_of(side_name);

@@ -3,15 +3,17 @@ set(headers
     color.hpp
     contact_sheet.hpp
     draw.hpp
-    draw_impl.hpp
     font.hpp
     rasterizer.hpp
     shading.hpp
-    shading_impl.hpp
     texture.hpp
     texture_completion.hpp
     texture_fusion.hpp
     texture_layout.hpp
     triangle_coverage.hpp
     visibility.hpp
+)
+set(definitions
+    draw_impl.hpp
+    shading_impl.hpp
 )
