@@ -97,7 +97,7 @@ TEST_P(KernelsTest, CombinesGramMatrices)
     }
 }
 
-TEST_P(KernelsTest, ProjectsRows)
+TEST_P(KernelsTest, ProjectsAndMultipliesRows)
 {
     for (const int width : {16, 48, 64}) {
         const int num_points = 9;
@@ -112,6 +112,14 @@ TEST_P(KernelsTest, ProjectsRows)
             const Eigen::MatrixXd expected =
                 roots[i] * j * matrix_of(rows, 3 * num_points, width).middleRows(3 * indices[i], 3);
             EXPECT_LE(max_difference(matrix_of(out, 8, width).middleRows(2 * i, 2), expected), 1e-5);
+        }
+        const AlignedBuffer<float> x = random_floats(random, width);
+        kernels.multiply_rows(rows.data(), width, indices.data(), 4, x.data(), out.data());
+        for (int i = 0; i < 4; ++i) {
+            const Eigen::MatrixXd expected =
+                matrix_of(x, 1, width) *
+                matrix_of(rows, 3 * num_points, width).middleRows(3 * indices[i], 3).transpose();
+            EXPECT_LE(max_difference(matrix_of(out, 1, 12).middleCols(3 * i, 3), expected), 2e-5);
         }
     }
 }

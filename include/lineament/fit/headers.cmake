@@ -29,5 +29,11 @@ set(headers
     pose.hpp
     pose_impl.hpp
     pose_support_impl.hpp
+    realtime_contour_impl.hpp
+    realtime_fit_impl.hpp
+    realtime_fitter.hpp
+    realtime_fitter_impl.hpp
+    realtime_pack_impl.hpp
+    realtime_result_impl.hpp
     robust_loss.hpp
     silhouette_impl.hpp)

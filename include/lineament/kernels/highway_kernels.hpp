@@ -172,6 +172,26 @@ inline void project_rows(const float* point_rows, int width, const int* indices,
     }
 }
 
+inline void multiply_rows(const float* point_rows, int width, const int* indices, int count, const float* x, float* out)
+{
+    const Floats d;
+    for (int i = 0; i < count; ++i) {
+        const float* rows = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
+        Vector sx = hn::Zero(d);
+        Vector sy = hn::Zero(d);
+        Vector sz = hn::Zero(d);
+        for (int c = 0; c < width; c += lanes) {
+            const Vector factor = hn::Load(d, x + c);
+            sx = hn::MulAdd(factor, hn::Load(d, rows + c), sx);
+            sy = hn::MulAdd(factor, hn::Load(d, rows + width + c), sy);
+            sz = hn::MulAdd(factor, hn::Load(d, rows + 2 * width + c), sz);
+        }
+        out[3 * i] = hn::GetLane(hn::SumOfLanes(d, sx));
+        out[3 * i + 1] = hn::GetLane(hn::SumOfLanes(d, sy));
+        out[3 * i + 2] = hn::GetLane(hn::SumOfLanes(d, sz));
+    }
+}
+
 /// target[q][c] += sign sum_r rows[r][i + q] rows[r][c] for q = 0..3 and two vectors of columns c.
 template <bool Subtract>
 HWY_INLINE void add_block(const float* rows, int num_rows, int width, int i, int c, float* target)
@@ -408,6 +428,7 @@ inline void pose_moments(const double* points, int stride, double* moments)
                                     combine_panels_int16,
                                     combine_grams,
                                     project_rows,
+                                    multiply_rows,
                                     add_gram,
                                     add_rows,
                                     solve_positive,

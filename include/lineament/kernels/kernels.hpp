@@ -43,6 +43,10 @@ struct Kernels
     void (*project_rows)(const float* point_rows, int width, const int* indices, int count, const float* jacobian,
                          const float* roots, float* out);
 
+    /// out[3i + a] = the product of row a of point indices[i] with x, `width` numbers.
+    void (*multiply_rows)(const float* point_rows, int width, const int* indices, int count, const float* x,
+                          float* out);
+
     /// gram += rows^T rows, upper triangle (more may be written).
     void (*add_gram)(const float* rows, int num_rows, int width, float* gram);
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 /// The readable twins of the vector kernels: plain loops, which the compiler may turn into vectors itself.
 namespace lineament::kernels::scalar {
@@ -50,6 +51,20 @@ inline void project_rows(const float* point_rows, int width, const int* indices,
             for (int c = 0; c < width; ++c) {
                 out[c] = x * rows[c] + y * rows[width + c] + z * rows[2 * width + c];
             }
+        }
+    }
+}
+
+inline void multiply_rows(const float* point_rows, int width, const int* indices, int count, const float* x, float* out)
+{
+    for (int i = 0; i < count; ++i) {
+        const float* row = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
+        for (int axis = 0; axis < 3; ++axis, row += width) {
+            float sum = 0;
+            for (int c = 0; c < width; ++c) {
+                sum += row[c] * x[c];
+            }
+            out[3 * i + axis] = sum;
         }
     }
 }
@@ -140,6 +155,7 @@ namespace lineament::kernels {
                                       scalar::combine_panels<std::int16_t>,
                                       scalar::combine_grams,
                                       scalar::project_rows,
+                                      scalar::multiply_rows,
                                       scalar::add_gram,
                                       scalar::add_rows,
                                       scalar::solve_positive,
