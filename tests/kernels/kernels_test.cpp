@@ -188,6 +188,19 @@ TEST_P(KernelsTest, RefusesIndefiniteSystems)
     EXPECT_NEAR(kernels.solve_positive(system.data(), 2, 16, x.data()), 1e-4, 1e-5);
 }
 
+TEST_P(KernelsTest, TransformsPoints)
+{
+    const int step = 64;
+    const int count = 37;
+    const AlignedBuffer<float> points = random_floats(random, 3 * step);
+    const AlignedBuffer<float> m = random_floats(random, 12);
+    AlignedBuffer<float> out(3 * 48);
+    kernels.transform_points(points.data(), step, count, m.data(), out.data(), 48);
+    const Eigen::MatrixXd transform = matrix_of(m, 3, 4);
+    const Eigen::MatrixXd expected = (transform.leftCols(3) * matrix_of(points, 3, step)).colwise() + transform.col(3);
+    EXPECT_LE(max_difference(matrix_of(out, 3, 48).leftCols(count), expected.leftCols(count)), 1e-5);
+}
+
 TEST_P(KernelsTest, SumsPoseMoments)
 {
     const int stride = 72;

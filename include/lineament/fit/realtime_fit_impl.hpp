@@ -48,7 +48,9 @@ private:
     void match_candidates(FaceSide side);
     void match_silhouette(FaceSide side);
     void find_silhouette(const ContourRegion& region);
-    void drop_hidden();
+    void drop_hidden(int step);
+    [[nodiscard]] float update_occluders();
+    void find_near_triangles(float moved_mm, const SilhouetteExtent& extent);
     void add_match(const OutlineLandmark& landmark, int row);
 
     void set_scale();
@@ -100,6 +102,7 @@ private:
     FitStatus identity_status_ = FitStatus::success;
     std::string identity_reason_ = {};
     int num_held_ = 0;
+    int num_near_triangles_ = 0;
 };
 
 inline bool RealtimeFit::read_landmarks()
@@ -555,17 +558,13 @@ inline bool RealtimeFit::solve_expression()
 
     const double precision = 1 / (options.expression_sigma * options.expression_sigma);
     float* gram = work_.gram.data();
-    float largest = 0; // of the terms that make a gradient
     for (int i = 0; i < k; ++i) {
         for (int j = 0; j < i; ++j) {
             gram[i * width + j] = gram[j * width + i];
         }
         gram[i * width + i] += static_cast<float>(precision);
         work_.right_side[i] = static_cast<float>(work_.right_side[i] - precision * work_.psi[i]);
-        largest = std::max(largest,
-                           std::abs(work_.right_side[i]) + gram[i * width + i] * static_cast<float>(1 + work_.psi[i]));
     }
-    const float tolerance = 1e-6f * largest;
     int fewest = k + 1;
     int patience = 3;
     for (int round = 0; round < 60; ++round) {
@@ -613,7 +612,9 @@ inline bool RealtimeFit::solve_expression()
             signed char next = state;
             if (state == 0) {
                 next = value < 0 ? -1 : value > options.max_expression ? 1 : 0;
-            } else if (state * gradient > tolerance) {
+            } else if (state * gradient >
+                       3e-7f * (std::abs(work_.right_side[j]) + std::abs(work_.gradient[j]) + gram[j * width + j])) {
+                // more than the rounding of its terms
                 next = 0;
             }
             work_.next_state[j] = next;

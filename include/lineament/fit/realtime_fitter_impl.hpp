@@ -85,9 +85,8 @@ inline FrozenIdentity RealtimeFitter::freeze(const Eigen::VectorXd& shape_coeffi
     detail::NeutralShape& neutral = frozen.neutral_;
     evaluate(pack_.fixed, neutral.fixed);
     evaluate(pack_.rest, neutral.rest);
-    evaluate(pack_.occluders, neutral.occluders);
+    evaluate(pack_.candidates, neutral.candidates);
     for (int side = 0; side < 2; ++side) {
-        evaluate(pack_.regions[side].candidates, neutral.candidates[side]);
         evaluate(pack_.regions[side].vertices, neutral.regions[side]);
     }
     for (int row = 0; 3 * row < static_cast<int>(neutral.contour.size()); ++row) {

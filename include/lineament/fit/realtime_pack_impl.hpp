@@ -12,11 +12,15 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 namespace lineament::detail {
 
 using kernels::AlignedBuffer;
+
+/// Cells of DepthBuffer along each axis at most.
+inline constexpr int max_cells = 1024;
 
 /// Where the coordinates of points stand: x0 y0 z0 x1 ..., or all x, then all y, then all z, each padded to panels.
 enum class CoordinateOrder
@@ -47,7 +51,7 @@ struct PointRows
     AlignedBuffer<float> expression = {};
 };
 
-/// One side's silhouette region. Its vertices are the occluders', then its own.
+/// One side's silhouette region.
 struct ContourRegion
 {
     struct Edge
@@ -55,9 +59,9 @@ struct ContourRegion
         std::array<int, 2> vertices;
         std::array<int, 2> triangles;
     };
-    PointPanels candidates = {};
+    int first_candidate = 0;              ///< Among RealtimePack::candidates.
     std::vector<int> candidate_rows = {}; ///< Into RealtimePack::contour_rows.
-    PointPanels vertices = {};            ///< Its own.
+    PointPanels vertices = {};            ///< Those of its triangles, ascending.
     std::vector<std::array<int, 3>> triangles = {};
     std::vector<Edge> edges = {};
     std::vector<int> rows = {}; ///< Of each region vertex, into contour_rows; -1: at no edge.
@@ -91,8 +95,13 @@ struct RealtimePack
     AlignedBuffer<float> identity_grams = {};   ///< Six matrices, Eq. (5), of all fixed points with these weights.
     AlignedBuffer<float> expression_grams = {};
 
+    PointPanels candidates = {}; ///< Of both sides.
     PointPanels occluders = {};
+    PointRows occluder_rows = {};
     std::vector<std::array<int, 3>> occluder_triangles = {};
+    std::vector<double> shape_reach = {};      ///< How far a unit of each coefficient moves any occluder [mm].
+    std::vector<double> expression_reach = {}; ///< Likewise.
+    double shape_norm = 0.0;                   ///< How far all of them together may, by their Euclidean norm [mm].
     std::array<ContourRegion, 2> regions = {}; ///< By FaceSide.
     PointRows contour_rows = {};
     std::vector<int> contour_vertices = {}; ///< Of these rows.
@@ -110,8 +119,7 @@ struct NeutralShape
 {
     AlignedBuffer<float> fixed = {};
     AlignedBuffer<float> rest = {};
-    AlignedBuffer<float> occluders = {};
-    std::array<AlignedBuffer<float>, 2> candidates = {};
+    AlignedBuffer<float> candidates = {};
     std::array<AlignedBuffer<float>, 2> regions = {};
     AlignedBuffer<float> contour = {}; ///< Of every row of contour_rows; frozen identities only.
     AlignedBuffer<float> mesh = {};
@@ -122,6 +130,35 @@ struct RealtimeMatch
     int landmark_index;
     double u, v; ///< [px], from the principal point.
     double information;
+};
+
+/// An octagon around the silhouette's points, and their greatest depth.
+struct SilhouetteExtent
+{
+    static constexpr float infinity = std::numeric_limits<float>::infinity();
+    float low_x = infinity, high_x = -infinity, low_y = infinity, high_y = -infinity;
+    float low_sum = infinity, high_sum = -infinity, low_difference = infinity, high_difference = -infinity;
+    float farthest = -infinity;
+
+    void add(float x, float y, float z)
+    {
+        low_x = std::min(low_x, x);
+        high_x = std::max(high_x, x);
+        low_y = std::min(low_y, y);
+        high_y = std::max(high_y, y);
+        low_sum = std::min(low_sum, x + y);
+        high_sum = std::max(high_sum, x + y);
+        low_difference = std::min(low_difference, x - y);
+        high_difference = std::max(high_difference, x - y);
+        farthest = std::max(farthest, z);
+    }
+};
+
+/// Where the silhouette's points of one range of y lie.
+struct SilhouetteBand
+{
+    std::uint64_t cells = 0; ///< A bit for each range of x that holds one.
+    float farthest = -std::numeric_limits<float>::infinity();
 };
 
 struct OutlineLandmark
@@ -160,11 +197,19 @@ struct RealtimeBuffers
     std::vector<signed char> next_state = {};
     std::vector<int> free = {};
 
-    std::array<AlignedBuffer<float>, 2> candidates = {};
-    AlignedBuffer<float> occluders = {}, region = {}; ///< Planar.
-    AlignedBuffer<float> seen_x = {}, seen_y = {}, seen_z = {};
-    std::vector<unsigned char> is_facing = {}, is_marked = {}, outcodes = {};
+    AlignedBuffer<float> candidates = {};
+    AlignedBuffer<float> region = {}, seen = {}; ///< Planar.
+    std::vector<unsigned char> is_facing = {}, is_marked = {}, is_hidden = {};
     std::vector<int> silhouette = {}, silhouette_cells = {}, row_begins = {}, by_row = {};
+
+    /// Occluders of some shape seen before: all of them are evaluated only when the shape has moved far from it.
+    bool has_occluders = false;
+    std::vector<double> occluder_alpha = {}, occluder_psi = {};
+    AlignedBuffer<float> occluder_neutral = {}, occluders = {}, occluders_seen = {}; ///< Planar.
+    std::vector<int> outcodes = {};
+    std::vector<SilhouetteBand> bands = {};
+    std::vector<int> near_triangles = {}, near_slots = {}, near_vertices = {};
+    AlignedBuffer<float> near_neutral = {}, near_offset = {}, near_seen = {};
     std::vector<double> projected_u = {}, projected_v = {};
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
@@ -278,6 +323,19 @@ inline void shorten_panels(const AlignedBuffer<float>& panels, int num_columns, 
     }
 }
 
+/// Of each coefficient: the longest of its columns' 3-vectors.
+[[nodiscard]] inline std::vector<double> reach_of(const Eigen::MatrixXd& columns)
+{
+    std::vector<double> reach(static_cast<std::size_t>(columns.rows()), 0.0);
+    for (Eigen::Index i = 0; 3 * i < columns.cols(); ++i) {
+        for (Eigen::Index j = 0; j < columns.rows(); ++j) {
+            const double length = std::hypot(columns(j, 3 * i), columns(j, 3 * i + 1), columns(j, 3 * i + 2));
+            reach[static_cast<std::size_t>(j)] = std::max(reach[static_cast<std::size_t>(j)], length);
+        }
+    }
+    return reach;
+}
+
 /// Adds the silhouette regions and candidates to a pack.
 inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
 {
@@ -292,7 +350,18 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
         occluders[v] = v;
     }
     pack.has_contour = true;
-    pack.occluders = make_panels(points_of(occluders), CoordinateOrder::planar);
+    const ModelPoints occluder_points = points_of(occluders);
+    pack.occluders = make_panels(occluder_points, CoordinateOrder::planar);
+    pack.occluder_rows = make_rows(occluder_points, pack.shape_width, pack.expression_width);
+    pack.shape_reach = reach_of(occluder_points.identity);
+    for (Eigen::Index i = 0; i < occluder_points.num_points(); ++i) {
+        double squares = 0;
+        for (const double entry : occluder_points.identity.middleCols<3>(3 * i).reshaped()) {
+            squares += entry * entry;
+        }
+        pack.shape_norm = std::max(pack.shape_norm, std::sqrt(squares));
+    }
+    pack.expression_reach = reach_of(occluder_points.expression);
     const Eigen::Matrix3Xi& drawn = contour.occluder_triangles();
     for (Eigen::Index t = 0; t < drawn.cols(); ++t) {
         pack.occluder_triangles.push_back({drawn(0, t), drawn(1, t), drawn(2, t)});
@@ -306,26 +375,29 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
         }
         return row_of_vertex[vertex];
     };
+    std::vector<int> candidates;
     for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
         ContourRegion& region = pack.regions[static_cast<int>(side)];
-        region.candidates = make_panels(points_of(contour.candidates(side)), CoordinateOrder::planar);
+        region.first_candidate = static_cast<int>(candidates.size());
         for (const int vertex : contour.candidates(side)) {
+            candidates.push_back(vertex);
             region.candidate_rows.push_back(row_of(vertex));
         }
-        const std::vector<int>& own = contour.region_vertices(side);
+        const std::vector<int>& triangles = contour.region_triangles(side);
+        std::vector<int> own;
+        for (const int t : triangles) {
+            own.insert(own.end(), contour.triangles().col(t).begin(), contour.triangles().col(t).end());
+        }
+        sort_unique(own);
         region.vertices = make_panels(points_of(own), CoordinateOrder::planar);
         const auto local = [&](int vertex) {
-            return vertex < num_occluders
-                       ? vertex
-                       : num_occluders +
-                             static_cast<int>(std::lower_bound(own.begin(), own.end(), vertex) - own.begin());
+            return static_cast<int>(std::lower_bound(own.begin(), own.end(), vertex) - own.begin());
         };
-        const std::vector<int>& triangles = contour.region_triangles(side);
         for (const int t : triangles) {
             region.triangles.push_back(
                 {local(contour.triangles()(0, t)), local(contour.triangles()(1, t)), local(contour.triangles()(2, t))});
         }
-        region.rows.assign(num_occluders + own.size(), -1);
+        region.rows.assign(own.size(), -1);
         for (const ContourModel::Edge& edge : contour.edges(side)) {
             ContourRegion::Edge packed = {};
             for (int end = 0; end < 2; ++end) {
@@ -337,6 +409,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
             region.edges.push_back(packed);
         }
     }
+    pack.candidates = make_panels(points_of(candidates), CoordinateOrder::interleaved);
     pack.contour_rows = make_rows(points_of(row_vertices), pack.shape_width, pack.expression_width);
     pack.contour_vertices = row_vertices;
     pack.max_matches = static_cast<int>(row_vertices.size()) + 16;
@@ -413,9 +486,8 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     NeutralShape neutral;
     neutral.fixed = AlignedBuffer<float>(pack.fixed.size());
     neutral.rest = AlignedBuffer<float>(pack.rest.size());
-    neutral.occluders = AlignedBuffer<float>(pack.occluders.size());
+    neutral.candidates = AlignedBuffer<float>(pack.candidates.size());
     for (int side = 0; side < 2; ++side) {
-        neutral.candidates[side] = AlignedBuffer<float>(pack.regions[side].candidates.size());
         neutral.regions[side] = AlignedBuffer<float>(pack.regions[side].vertices.size());
     }
     neutral.contour = AlignedBuffer<float>(is_frozen ? pack.contour_rows.mean.size() : 0);
@@ -469,31 +541,40 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
 
     std::size_t num_seen = 0;
     std::size_t num_triangles = 0;
-    std::size_t num_own = 0;
-    std::size_t num_candidates = 0;
-    for (int side = 0; side < 2; ++side) {
-        const ContourRegion& region = pack.regions[side];
-        buffers.candidates[side] = AlignedBuffer<float>(region.candidates.size());
+    std::size_t region_size = 0;
+    for (const ContourRegion& region : pack.regions) {
         num_seen = std::max(num_seen, region.rows.size());
         num_triangles = std::max(num_triangles, region.triangles.size());
-        num_own = std::max(num_own, region.vertices.size());
-        num_candidates = std::max(num_candidates, region.candidate_rows.size());
+        region_size = std::max(region_size, region.vertices.size());
     }
-    buffers.occluders = AlignedBuffer<float>(pack.occluders.size());
-    buffers.region = AlignedBuffer<float>(num_own);
-    buffers.seen_x = AlignedBuffer<float>(num_seen);
-    buffers.seen_y = AlignedBuffer<float>(num_seen);
-    buffers.seen_z = AlignedBuffer<float>(num_seen);
+    const std::size_t num_projected = std::max(num_seen, static_cast<std::size_t>(pack.candidates.num_points));
+    const std::size_t num_occluders = static_cast<std::size_t>(pack.occluders.num_points);
+    buffers.candidates = AlignedBuffer<float>(pack.candidates.size());
+    buffers.region = AlignedBuffer<float>(region_size);
+    buffers.seen = AlignedBuffer<float>(region_size);
     buffers.is_facing.resize(num_triangles);
     buffers.is_marked.resize(num_seen);
-    buffers.outcodes.resize(num_seen);
+    buffers.is_hidden.resize(num_seen);
     buffers.silhouette.reserve(num_seen);
     buffers.silhouette_cells.resize(2 * num_seen);
-    buffers.row_begins.resize(1024 + 2);
+    buffers.row_begins.resize(max_cells + 2);
     buffers.by_row.resize(num_seen);
-    buffers.projected_u.resize(std::max(num_seen, num_candidates));
-    buffers.projected_v.resize(std::max(num_seen, num_candidates));
-    buffers.projected_rows.resize(std::max(num_seen, num_candidates));
+    buffers.projected_u.resize(num_projected);
+    buffers.projected_v.resize(num_projected);
+    buffers.projected_rows.resize(num_projected);
+    buffers.occluder_alpha.resize(pack.num_shape);
+    buffers.occluder_psi.resize(pack.num_expressions);
+    buffers.occluder_neutral = AlignedBuffer<float>(pack.occluders.size());
+    buffers.occluders = AlignedBuffer<float>(pack.occluders.size());
+    buffers.occluders_seen = AlignedBuffer<float>(pack.occluders.size());
+    buffers.outcodes.resize(num_occluders);
+    buffers.bands.resize(max_cells);
+    buffers.near_triangles.resize(pack.occluder_triangles.size() + 1);
+    buffers.near_slots.assign(num_occluders, -1);
+    buffers.near_vertices.reserve(num_occluders);
+    buffers.near_neutral = AlignedBuffer<float>(3 * num_occluders);
+    buffers.near_offset = AlignedBuffer<float>(3 * num_occluders);
+    buffers.near_seen = AlignedBuffer<float>(3 * num_occluders);
     buffers.mesh = AlignedBuffer<float>(pack.mesh.size());
     buffers.mesh_coefficients = AlignedBuffer<float>(width);
     return buffers;

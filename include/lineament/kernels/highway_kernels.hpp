@@ -192,81 +192,133 @@ inline void multiply_rows(const float* point_rows, int width, const int* indices
     }
 }
 
-/// target[q][c] += sign sum_r rows[r][i + q] rows[r][c] for q = 0..3 and two vectors of columns c.
-template <bool Subtract>
-HWY_INLINE void add_block(const float* rows, int num_rows, int width, int i, int c, float* target)
+/// Sums of four rows and two vectors of columns.
+struct Block
 {
-    const Floats d;
-    Vector a0 = hn::Load(d, target), a1 = hn::Load(d, target + lanes);
-    Vector b0 = hn::Load(d, target + width), b1 = hn::Load(d, target + width + lanes);
-    Vector c0 = hn::Load(d, target + 2 * width), c1 = hn::Load(d, target + 2 * width + lanes);
-    Vector d0 = hn::Load(d, target + 3 * width), d1 = hn::Load(d, target + 3 * width + lanes);
-    const auto step = [](Vector factor, Vector value, Vector sum) HWY_ATTR {
-        return Subtract ? hn::NegMulAdd(factor, value, sum) : hn::MulAdd(factor, value, sum);
-    };
-    for (int r = 0; r < num_rows; ++r, rows += width) {
-        const Vector v0 = hn::Load(d, rows + c);
-        const Vector v1 = hn::Load(d, rows + c + lanes);
-        const Vector fa = hn::Set(d, rows[i]);
-        const Vector fb = hn::Set(d, rows[i + 1]);
-        const Vector fc = hn::Set(d, rows[i + 2]);
-        const Vector fd = hn::Set(d, rows[i + 3]);
-        a0 = step(fa, v0, a0);
-        a1 = step(fa, v1, a1);
-        b0 = step(fb, v0, b0);
-        b1 = step(fb, v1, b1);
-        c0 = step(fc, v0, c0);
-        c1 = step(fc, v1, c1);
-        d0 = step(fd, v0, d0);
-        d1 = step(fd, v1, d1);
-    }
-    hn::Store(a0, d, target);
-    hn::Store(a1, d, target + lanes);
-    hn::Store(b0, d, target + width);
-    hn::Store(b1, d, target + width + lanes);
-    hn::Store(c0, d, target + 2 * width);
-    hn::Store(c1, d, target + 2 * width + lanes);
-    hn::Store(d0, d, target + 3 * width);
-    hn::Store(d1, d, target + 3 * width + lanes);
-}
+    Vector a0, a1, b0, b1, c0, c1, d0, d1;
 
-/// The same for one vector of columns: where the width is an odd number of vectors.
-template <bool Subtract>
-HWY_INLINE void add_narrow_block(const float* rows, int num_rows, int width, int i, int c, float* target)
+    HWY_INLINE void load(const float* from, int width)
+    {
+        const Floats d;
+        a0 = hn::Load(d, from);
+        a1 = hn::Load(d, from + lanes);
+        b0 = hn::Load(d, from + width);
+        b1 = hn::Load(d, from + width + lanes);
+        c0 = hn::Load(d, from + 2 * width);
+        c1 = hn::Load(d, from + 2 * width + lanes);
+        d0 = hn::Load(d, from + 3 * width);
+        d1 = hn::Load(d, from + 3 * width + lanes);
+    }
+    HWY_INLINE void store(float* to, int width) const
+    {
+        const Floats d;
+        hn::Store(a0, d, to);
+        hn::Store(a1, d, to + lanes);
+        hn::Store(b0, d, to + width);
+        hn::Store(b1, d, to + width + lanes);
+        hn::Store(c0, d, to + 2 * width);
+        hn::Store(c1, d, to + 2 * width + lanes);
+        hn::Store(d0, d, to + 3 * width);
+        hn::Store(d1, d, to + 3 * width + lanes);
+    }
+    HWY_INLINE void add(const float* factors, const float* row)
+    {
+        const Floats d;
+        const Vector v0 = hn::Load(d, row);
+        const Vector v1 = hn::Load(d, row + lanes);
+        const Vector fa = hn::Set(d, factors[0]);
+        a0 = hn::MulAdd(fa, v0, a0);
+        a1 = hn::MulAdd(fa, v1, a1);
+        const Vector fb = hn::Set(d, factors[1]);
+        b0 = hn::MulAdd(fb, v0, b0);
+        b1 = hn::MulAdd(fb, v1, b1);
+        const Vector fc = hn::Set(d, factors[2]);
+        c0 = hn::MulAdd(fc, v0, c0);
+        c1 = hn::MulAdd(fc, v1, c1);
+        const Vector fd = hn::Set(d, factors[3]);
+        d0 = hn::MulAdd(fd, v0, d0);
+        d1 = hn::MulAdd(fd, v1, d1);
+    }
+    HWY_INLINE void subtract(const float* factors, const float* row)
+    {
+        const Floats d;
+        const Vector v0 = hn::Load(d, row);
+        const Vector v1 = hn::Load(d, row + lanes);
+        const Vector fa = hn::Set(d, factors[0]);
+        a0 = hn::NegMulAdd(fa, v0, a0);
+        a1 = hn::NegMulAdd(fa, v1, a1);
+        const Vector fb = hn::Set(d, factors[1]);
+        b0 = hn::NegMulAdd(fb, v0, b0);
+        b1 = hn::NegMulAdd(fb, v1, b1);
+        const Vector fc = hn::Set(d, factors[2]);
+        c0 = hn::NegMulAdd(fc, v0, c0);
+        c1 = hn::NegMulAdd(fc, v1, c1);
+        const Vector fd = hn::Set(d, factors[3]);
+        d0 = hn::NegMulAdd(fd, v0, d0);
+        d1 = hn::NegMulAdd(fd, v1, d1);
+    }
+};
+
+/// Rows i..i+3 of a Gram matrix, from the diagonal's vector on; pairs of vectors, the first alone if they are odd.
+inline void add_gram(const float* rows, int num_rows, int width, float* gram)
 {
     const Floats d;
-    Vector sums[4] = {hn::Load(d, target), hn::Load(d, target + width), hn::Load(d, target + 2 * width),
-                      hn::Load(d, target + 3 * width)};
-    for (int r = 0; r < num_rows; ++r, rows += width) {
-        const Vector value = hn::Load(d, rows + c);
-        for (int q = 0; q < 4; ++q) {
-            const Vector factor = hn::Set(d, rows[i + q]);
-            sums[q] = Subtract ? hn::NegMulAdd(factor, value, sums[q]) : hn::MulAdd(factor, value, sums[q]);
+    for (int i = 0; i < width; i += 4) {
+        float* target = gram + i * width;
+        int c = i / lanes * lanes;
+        if ((width - c) % (2 * lanes) != 0) {
+            Vector sums[4] = {hn::Load(d, target + c), hn::Load(d, target + width + c),
+                              hn::Load(d, target + 2 * width + c), hn::Load(d, target + 3 * width + c)};
+            const float* row = rows;
+            for (int r = 0; r < num_rows; ++r, row += width) {
+                const Vector value = hn::Load(d, row + c);
+                for (int q = 0; q < 4; ++q) {
+                    sums[q] = hn::MulAdd(hn::Set(d, row[i + q]), value, sums[q]);
+                }
+            }
+            for (int q = 0; q < 4; ++q) {
+                hn::Store(sums[q], d, target + q * width + c);
+            }
+            c += lanes;
+        }
+        for (; c < width; c += 2 * lanes) {
+            Block block;
+            block.load(target + c, width);
+            const float* row = rows;
+            for (int r = 0; r < num_rows; ++r, row += width) {
+                block.add(row + i, row + c);
+            }
+            block.store(target + c, width);
         }
     }
-    for (int q = 0; q < 4; ++q) {
-        hn::Store(sums[q], d, target + q * width);
-    }
 }
 
-/// Rows i..i+3 of the upper triangle, from the vector of the diagonal on.
-template <bool Subtract>
-HWY_INLINE void add_block_row(const float* rows, int num_rows, int width, int i, float* gram)
+/// Rows i..i+3 of a system less the products of the i rows above them with `factors`, four a row.
+HWY_INLINE void subtract_products(const float* above, const float* factors, int i, int width, float* target)
 {
+    const Floats d;
     int c = i / lanes * lanes;
-    if (c + 2 * lanes > width || (width - c) % (2 * lanes) != 0) {
-        add_narrow_block<Subtract>(rows, num_rows, width, i, c, gram + i * width + c);
+    if ((width - c) % (2 * lanes) != 0) {
+        Vector sums[4] = {hn::Load(d, target + c), hn::Load(d, target + width + c), hn::Load(d, target + 2 * width + c),
+                          hn::Load(d, target + 3 * width + c)};
+        for (int k = 0; k < i; ++k) {
+            const Vector value = hn::Load(d, above + k * width + c);
+            for (int q = 0; q < 4; ++q) {
+                sums[q] = hn::NegMulAdd(hn::Set(d, factors[4 * k + q]), value, sums[q]);
+            }
+        }
+        for (int q = 0; q < 4; ++q) {
+            hn::Store(sums[q], d, target + q * width + c);
+        }
         c += lanes;
     }
     for (; c < width; c += 2 * lanes) {
-        add_block<Subtract>(rows, num_rows, width, i, c, gram + i * width + c);
-    }
-}
-
-inline void add_gram(const float* rows, int num_rows, int width, float* gram)
-{
-    for (int i = 0; i < width; i += 4) {
-        add_block_row<false>(rows, num_rows, width, i, gram);
+        Block block;
+        block.load(target + c, width);
+        for (int k = 0; k < i; ++k) {
+            block.subtract(factors + 4 * k, above + k * width + c);
+        }
+        block.store(target + c, width);
     }
 }
 
@@ -299,60 +351,92 @@ inline void add_rows(const float* rows, int num_rows, int width, const float* fa
     }
 }
 
+/// U row by row in blocks of four, A = U^T D^-1 U with D the diagonal of U: no roots, and the only long chain is one
+/// division a row.
 inline float solve_positive(float* system, int n, int width, float* x)
 {
+    constexpr int max_size = 256;
+    if (n > max_size) {
+        return scalar::solve_positive(system, n, width, x);
+    }
     const Floats d;
+    alignas(64) float factors[4 * max_size]; // U(k, i + q) / D(k) at 4 k + q
+    float inverses[max_size + 4];
     float least = 1;
-    // U row by row in blocks of four: first all that the rows above take away, then the block within itself.
-    for (int i = 0; i < n; i += 4) {
-        const int rows = n - i < 4 ? n - i : 4;
-        float diagonals[4];
-        for (int q = 0; q < rows; ++q) {
-            diagonals[q] = system[(i + q) * width + i + q];
-        }
-        if (rows == 4) {
-            add_block_row<true>(system, i, width, i, system);
-        } else {
-            for (int q = 0; q < rows; ++q) {
-                float* row = system + (i + q) * width;
-                for (int c = i / lanes * lanes; c < width; c += lanes) {
-                    Vector sum = hn::Load(d, row + c);
-                    for (int k = 0; k < i; ++k) {
-                        const float* above = system + k * width;
-                        sum = hn::NegMulAdd(hn::Set(d, above[i + q]), hn::Load(d, above + c), sum);
-                    }
-                    hn::Store(sum, d, row + c);
-                }
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        float* r0 = system + i * width;
+        float* r1 = r0 + width;
+        float* r2 = r1 + width;
+        float* r3 = r2 + width;
+        const float diagonal[4] = {r0[i], r1[i + 1], r2[i + 2], r3[i + 3]};
+        for (int k = 0; k < i; ++k) {
+            const float* above = system + k * width + i;
+            for (int q = 0; q < 4; ++q) {
+                factors[4 * k + q] = above[q] * inverses[k];
             }
         }
-        for (int q = 0; q < rows; ++q) {
-            float* row = system + (i + q) * width;
-            const float pivot = row[i + q];
-            if (!(pivot > 0)) {
-                return 0;
-            }
-            least = pivot < least * diagonals[q] ? pivot / diagonals[q] : least;
-            const Vector inverse = hn::Set(d, 1 / std::sqrt(pivot));
-            const int from = (i + q) / lanes * lanes;
-            for (int c = from; c < width; c += lanes) {
-                hn::Store(hn::Mul(inverse, hn::Load(d, row + c)), d, row + c);
-            }
-            for (int below = q + 1; below < rows; ++below) {
-                float* other = system + (i + below) * width;
-                const Vector factor = hn::Set(d, row[i + below]);
-                for (int c = (i + below) / lanes * lanes; c < width; c += lanes) {
-                    hn::Store(hn::NegMulAdd(factor, hn::Load(d, row + c), hn::Load(d, other + c)), d, other + c);
-                }
+        subtract_products(system, factors, i, width, r0);
+
+        // The block's own triangle, then its rows.
+        const float d0 = r0[i];
+        const float i0 = 1 / d0;
+        const float f01 = r0[i + 1] * i0, f02 = r0[i + 2] * i0, f03 = r0[i + 3] * i0;
+        const float d1 = r1[i + 1] - f01 * r0[i + 1];
+        const float i1 = 1 / d1;
+        const float u12 = r1[i + 2] - f01 * r0[i + 2], u13 = r1[i + 3] - f01 * r0[i + 3];
+        const float f12 = u12 * i1, f13 = u13 * i1;
+        const float d2 = r2[i + 2] - f02 * r0[i + 2] - f12 * u12;
+        const float i2 = 1 / d2;
+        const float u23 = r2[i + 3] - f02 * r0[i + 3] - f12 * u13;
+        const float f23 = u23 * i2;
+        const float d3 = r3[i + 3] - f03 * r0[i + 3] - f13 * u13 - f23 * u23;
+        if (!(d0 > 0 && d1 > 0 && d2 > 0 && d3 > 0)) {
+            return 0;
+        }
+        const float pivots[4] = {d0, d1, d2, d3};
+        for (int q = 0; q < 4; ++q) {
+            least = pivots[q] < least * diagonal[q] ? pivots[q] / diagonal[q] : least;
+        }
+        inverses[i] = i0;
+        inverses[i + 1] = i1;
+        inverses[i + 2] = i2;
+        inverses[i + 3] = 1 / d3;
+        const Vector v01 = hn::Set(d, f01), v02 = hn::Set(d, f02), v03 = hn::Set(d, f03);
+        const Vector v12 = hn::Set(d, f12), v13 = hn::Set(d, f13), v23 = hn::Set(d, f23);
+        for (int c = i / lanes * lanes; c < width; c += lanes) {
+            const Vector a = hn::Load(d, r0 + c);
+            const Vector b = hn::NegMulAdd(v01, a, hn::Load(d, r1 + c));
+            const Vector e = hn::NegMulAdd(v12, b, hn::NegMulAdd(v02, a, hn::Load(d, r2 + c)));
+            const Vector f = hn::NegMulAdd(v23, e, hn::NegMulAdd(v13, b, hn::NegMulAdd(v03, a, hn::Load(d, r3 + c))));
+            hn::Store(b, d, r1 + c);
+            hn::Store(e, d, r2 + c);
+            hn::Store(f, d, r3 + c);
+        }
+    }
+    for (; i < n; ++i) { // what is left of a block
+        float* row = system + i * width;
+        const float diagonal = row[i];
+        for (int k = 0; k < i; ++k) {
+            const float* above = system + k * width;
+            const Vector factor = hn::Set(d, above[i] * inverses[k]);
+            for (int c = i / lanes * lanes; c < width; c += lanes) {
+                hn::Store(hn::NegMulAdd(factor, hn::Load(d, above + c), hn::Load(d, row + c)), d, row + c);
             }
         }
+        if (!(row[i] > 0)) {
+            return 0;
+        }
+        least = row[i] < least * diagonal ? row[i] / diagonal : least;
+        inverses[i] = 1 / row[i];
     }
     for (int c = 0; c < width; c += lanes) {
         hn::Store(hn::Zero(d), d, x + c);
     }
+    const int last = round_up(n, lanes);
     for (int end = n; end > 0;) { // x is still 0 where it is not known, so whole vectors may be taken
         const int begin = (end - 1) / 4 * 4;
         float sums[4] = {0, 0, 0, 0};
-        const int last = round_up(n, lanes);
         for (int q = 0; q < end - begin; ++q) {
             const float* row = system + (begin + q) * width;
             Vector sum = hn::Zero(d);
@@ -364,14 +448,31 @@ inline float solve_positive(float* system, int n, int width, float* x)
         for (int q = end - begin - 1; q >= 0; --q) {
             const float* row = system + (begin + q) * width;
             float value = row[n] - sums[q];
-            for (int c = begin + q + 1; c < end; ++c) {
+            for (int c = end - 1; c > begin + q; --c) {
                 value -= row[c] * x[c];
             }
-            x[begin + q] = value / row[begin + q];
+            x[begin + q] = value * inverses[begin + q];
         }
         end = begin;
     }
     return least;
+}
+
+inline void transform_points(const float* points, int step, int count, const float* m, float* out, int out_step)
+{
+    const Floats d;
+    for (int a = 0; a < 3; ++a, m += 4, out += out_step) {
+        const Vector mx = hn::Set(d, m[0]);
+        const Vector my = hn::Set(d, m[1]);
+        const Vector mz = hn::Set(d, m[2]);
+        const Vector mw = hn::Set(d, m[3]);
+        for (int i = 0; i < count; i += lanes) {
+            const Vector x = hn::Load(d, points + i);
+            const Vector y = hn::Load(d, points + step + i);
+            const Vector z = hn::Load(d, points + 2 * step + i);
+            hn::Store(hn::Add(hn::MulAdd(mz, z, hn::MulAdd(my, y, hn::Mul(mx, x))), mw), d, out + i);
+        }
+    }
 }
 
 inline void pose_moments(const double* points, int stride, double* moments)
@@ -432,6 +533,7 @@ inline void pose_moments(const double* points, int stride, double* moments)
                                     add_gram,
                                     add_rows,
                                     solve_positive,
+                                    transform_points,
                                     pose_moments};
     return &kernels;
 #endif

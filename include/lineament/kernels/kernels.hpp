@@ -58,6 +58,10 @@ struct Kernels
     /// or NaN where A is not positive definite to rounding, and then x is not set.
     float (*solve_positive)(float* system, int n, int width, float* x);
 
+    /// Points in planar order (x, y, z of `step` floats each; `count` rounded up to width_step is read) turned:
+    /// out_a[i] = m[4a] x_i + m[4a + 1] y_i + m[4a + 2] z_i + m[4a + 3] for a = 0..2, in rows of `out_step`.
+    void (*transform_points)(const float* points, int step, int count, const float* m, float* out, int out_step);
+
     /// Weighted sums of points: moments = sum w {1, x, y, z, u, v, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz}.
     /// `points` holds six rows x, y, z, u, v, w of `stride` doubles, a multiple of 8, zero beyond the points.
     void (*pose_moments)(const double* points, int stride, double* moments);

@@ -124,6 +124,17 @@ inline float solve_positive(float* system, int n, int width, float* x)
     return least;
 }
 
+inline void transform_points(const float* points, int step, int count, const float* m, float* out, int out_step)
+{
+    const float* y = points + step;
+    const float* z = points + 2 * step;
+    for (int a = 0; a < 3; ++a, m += 4, out += out_step) {
+        for (int i = 0; i < count; ++i) {
+            out[i] = m[0] * points[i] + m[1] * y[i] + m[2] * z[i] + m[3];
+        }
+    }
+}
+
 inline void pose_moments(const double* points, int stride, double* moments)
 {
     std::fill_n(moments, num_pose_moments, 0.0);
@@ -159,6 +170,7 @@ namespace lineament::kernels {
                                       scalar::add_gram,
                                       scalar::add_rows,
                                       scalar::solve_positive,
+                                      scalar::transform_points,
                                       scalar::pose_moments};
     return table;
 }
