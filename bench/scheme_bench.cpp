@@ -5,6 +5,7 @@
 //   scheme_bench DATA [MODEL]    DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/images/johns/<person>/
 #include "photo_sets.hpp"
 
+#include "lineament/camera/angles.hpp"
 #include "lineament/core/procrustes.hpp"
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/io/image_file.hpp"

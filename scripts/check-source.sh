@@ -31,10 +31,10 @@ fi
 # A module includes only modules below it; the order of this table is low to high.
 declare -A allowed=(
     [core]="core" [model]="core model" [camera]="core camera" [render]="core model camera render"
-    [fit]="core model camera render fit" [io]="core model camera render fit io"
-    [build]="core model camera render fit io build"
-    [evaluation]="core model camera render fit io evaluation" [vision]="core model camera render fit io vision"
-    [report]="core model camera render fit io report")
+    [kernels]="kernels" [fit]="core model camera render kernels fit" [io]="core model camera render kernels fit io"
+    [build]="core model camera render kernels fit io build"
+    [evaluation]="core model camera render kernels fit io evaluation" [vision]="core model camera render kernels fit io vision"
+    [report]="core model camera render kernels fit io report")
 for file in $sources; do
     [ -e "$file" ] || continue
     module=$(sed -nE 's#^(include/lineament|src)/([a-z]+)/.*#\2#p' <<< "$file")
@@ -43,7 +43,7 @@ for file in $sources; do
         [[ " ${allowed[$module]} " == *" $included "* ]] || complain "$file: module $module must not include $included"
     done
     case "$module" in
-    core | model | camera | render | fit)
+    core | model | camera | render | kernels | fit)
         grep -nE '#include <(iostream|sstream|fstream|ranges|format|nlohmann|CLI|filesystem)' "$file" &&
             complain "$file: the header-only core does not include these" ;;
     esac

@@ -11,7 +11,7 @@ step_name=start
 
 build_packages=(g++ cmake ninja-build ccache pkg-config libeigen3-dev libpng-dev libjpeg62-turbo-dev libdlib-dev libdlib-data
                 libavformat-dev libavcodec-dev libswscale-dev libavutil-dev nlohmann-json3-dev libcli11-dev
-                libxnnpack-dev libpthreadpool-dev libcpuinfo-dev)
+                libxnnpack-dev libpthreadpool-dev libcpuinfo-dev libhwy-dev)
 test_packages=(libgtest-dev libgmock-dev libbenchmark-dev)
 
 say() { printf '%s\n' "$*" >&2; }

@@ -84,6 +84,18 @@ public:
     [[nodiscard]] const std::vector<int>& region_vertices(FaceSide side) const { return side_of(side).vertices; }
     [[nodiscard]] Eigen::Index num_occluder_vertices() const { return num_occluder_vertices_; }
 
+    /// An edge of the region where a silhouette can be, with the triangles at it.
+    struct Edge
+    {
+        std::array<int, 2> vertices;
+        std::array<int, 2> triangles; ///< Columns of triangles().
+    };
+    [[nodiscard]] const std::vector<Edge>& edges(FaceSide side) const { return side_of(side).edges; }
+    /// The triangles at these edges, ascending.
+    [[nodiscard]] const std::vector<int>& region_triangles(FaceSide side) const { return side_of(side).triangles; }
+    [[nodiscard]] const Eigen::Matrix3Xi& triangles() const { return triangles_; }          ///< Of the finest level.
+    [[nodiscard]] const Eigen::Matrix3Xi& occluder_triangles() const { return occluders_; } ///< Of the coarsest.
+
     /// Vertices on the silhouette of a side and not hidden by the rest of the head, ascending.
     ///
     /// An edge is on the silhouette if one of its triangles faces the camera and the other does not. Hidden means: the
@@ -94,11 +106,6 @@ public:
                                                        double occlusion_depth_mm = 20.0) const;
 
 private:
-    struct Edge
-    {
-        std::array<int, 2> vertices;
-        std::array<int, 2> triangles; ///< Into triangles_.
-    };
     struct Side
     {
         std::vector<int> candidates = {};

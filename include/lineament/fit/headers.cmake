@@ -15,6 +15,7 @@ set(headers
     multi_frame.hpp
     nnls.hpp
     pose.hpp
+    realtime_fitter.hpp
     robust_loss.hpp
 )
 set(definitions
@@ -35,5 +36,10 @@ set(definitions
     pose_impl.hpp
     pose_step_impl.hpp
     pose_support_impl.hpp
+    realtime_contour_impl.hpp
+    realtime_fit_impl.hpp
+    realtime_fitter_impl.hpp
+    realtime_pack_impl.hpp
+    realtime_result_impl.hpp
     silhouette_impl.hpp
 )

@@ -1,0 +1,583 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What RealtimeFitter packs of a model, and the buffers it works in.                                  docs/realtime.md
+#pragma once
+
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/kernels/aligned_buffer.hpp"
+#include "lineament/kernels/kernels.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace lineament::detail {
+
+using kernels::AlignedBuffer;
+
+/// Cells of DepthBuffer along each axis at most.
+inline constexpr int max_cells = 1024;
+
+/// Where the coordinates of points stand: x0 y0 z0 x1 ..., or all x, then all y, then all z, each padded to panels.
+enum class CoordinateOrder
+{
+    interleaved,
+    planar,
+};
+
+/// Mean and columns of points in panels of 64 coordinates.
+struct PointPanels
+{
+    int num_points = 0;
+    int num_panels = 0;
+    int axis_step = 1; ///< From x to y of a point.
+    int point_step = 3;
+    AlignedBuffer<float> mean = {};
+    AlignedBuffer<float> identity = {};
+    AlignedBuffer<float> expression = {};
+
+    [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(num_panels) * kernels::panel_size; }
+};
+
+/// Row-major rows of points, three each, in full width.
+struct PointRows
+{
+    AlignedBuffer<float> mean = {}; ///< x0 y0 z0 x1 ...
+    AlignedBuffer<float> identity = {};
+    AlignedBuffer<float> expression = {};
+};
+
+/// One side's silhouette region.
+struct ContourRegion
+{
+    struct Edge
+    {
+        std::array<int, 2> vertices;
+        std::array<int, 2> triangles;
+    };
+    int first_candidate = 0;              ///< Among RealtimePack::candidates.
+    std::vector<int> candidate_rows = {}; ///< Into RealtimePack::contour_rows.
+    PointPanels vertices = {};            ///< Those of its triangles, ascending.
+    std::vector<std::array<int, 3>> triangles = {};
+    std::vector<Edge> edges = {};
+    std::vector<int> rows = {}; ///< Of each region vertex, into contour_rows; -1: at no edge.
+};
+
+/// Where a landmark of the map is found.
+struct MapEntry
+{
+    int fixed_index = -1; ///< Among the fixed points, or
+    int rest_index = -1;  ///< among the others.
+    bool is_outline = false;
+    FaceSide side = FaceSide::left; ///< Of an outline landmark.
+    bool is_measured = true;        ///< Its noise is finite.
+};
+
+/// A model in single precision, laid out for the kernels.
+struct RealtimePack
+{
+    int num_shape = 0;        ///< m
+    int num_expressions = 0;  ///< k
+    int shape_width = 0;      ///< Of identity rows: m and a right side, rounded up.
+    int expression_width = 0; ///< Of expression rows.
+    bool has_contour = false;
+
+    std::vector<MapEntry> map = {};
+    PointPanels fixed = {}; ///< Landmarks tied to their points.
+    PointPanels rest = {};  ///< The others, for the result only.
+    PointRows fixed_rows = {};
+    std::vector<double> fixed_information = {}; ///< Weight of each before scale and confidence.
+    double contour_information = 0.0;           ///< Of a matched landmark.
+    AlignedBuffer<float> identity_grams = {};   ///< Six matrices, Eq. (5), of all fixed points with these weights.
+    AlignedBuffer<float> expression_grams = {};
+
+    PointPanels candidates = {}; ///< Of both sides.
+    PointPanels occluders = {};
+    PointRows occluder_rows = {};
+    std::vector<std::array<int, 3>> occluder_triangles = {};
+    std::vector<double> shape_reach = {};      ///< How far a unit of each coefficient moves any occluder [mm].
+    std::vector<double> expression_reach = {}; ///< Likewise.
+    double shape_norm = 0.0;                   ///< How far all of them together may, by their Euclidean norm [mm].
+    std::array<ContourRegion, 2> regions = {}; ///< By FaceSide.
+    PointRows contour_rows = {};
+    std::vector<int> contour_vertices = {}; ///< Of these rows.
+    int max_matches = 0;
+
+    PointPanels mesh = {};
+    AlignedBuffer<std::int16_t> mesh_identity = {}; ///< With MeshStorage::int16, instead of the columns in `mesh`.
+    AlignedBuffer<std::int16_t> mesh_expression = {};
+    std::vector<float> mesh_identity_scales = {}; ///< Of the columns.
+    std::vector<float> mesh_expression_scales = {};
+};
+
+/// S(a, 0) wherever a fit looks.
+struct NeutralShape
+{
+    AlignedBuffer<float> fixed = {};
+    AlignedBuffer<float> rest = {};
+    AlignedBuffer<float> candidates = {};
+    std::array<AlignedBuffer<float>, 2> regions = {};
+    AlignedBuffer<float> contour = {}; ///< Of every row of contour_rows; frozen identities only.
+    AlignedBuffer<float> mesh = {};
+};
+
+struct RealtimeMatch
+{
+    int landmark_index;
+    double u, v; ///< [px], from the principal point.
+    double information;
+};
+
+/// An octagon around the silhouette's points, and their greatest depth.
+struct SilhouetteExtent
+{
+    static constexpr float infinity = std::numeric_limits<float>::infinity();
+    float low_x = infinity, high_x = -infinity, low_y = infinity, high_y = -infinity;
+    float low_sum = infinity, high_sum = -infinity, low_difference = infinity, high_difference = -infinity;
+    float farthest = -infinity;
+
+    void add(float x, float y, float z)
+    {
+        low_x = std::min(low_x, x);
+        high_x = std::max(high_x, x);
+        low_y = std::min(low_y, y);
+        high_y = std::max(high_y, y);
+        low_sum = std::min(low_sum, x + y);
+        high_sum = std::max(high_sum, x + y);
+        low_difference = std::min(low_difference, x - y);
+        high_difference = std::max(high_difference, x - y);
+        farthest = std::max(farthest, z);
+    }
+};
+
+/// Where the silhouette's points of one range of y lie.
+struct SilhouetteBand
+{
+    std::uint64_t cells = 0; ///< A bit for each range of x that holds one.
+    float farthest = -std::numeric_limits<float>::infinity();
+};
+
+struct OutlineLandmark
+{
+    int landmark_index;
+    double u, v;
+    double confidence;
+};
+
+/// Everything a fit writes; sized once.
+struct RealtimeBuffers
+{
+    NeutralShape neutral = {};
+    std::vector<double> alpha = {}, psi = {}, coefficients = {};
+    AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
+
+    std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
+    std::vector<int> map_indices = {};       ///< Of each landmark given.
+    std::vector<double> fixed_u = {}, fixed_v = {}, fixed_confidence = {};
+    std::array<std::vector<OutlineLandmark>, 2> outline = {};
+
+    AlignedBuffer<float> fixed = {}, rest = {}; ///< S(a, psi).
+    std::vector<RealtimeMatch> matches = {};
+    std::vector<int> match_rows = {};
+    AlignedBuffer<float> match_neutral = {}, match_offset = {}, match_positions = {};
+
+    AlignedBuffer<double> pose_points = {};
+    std::vector<int> present = {};
+    std::vector<float> roots = {};
+    AlignedBuffer<float> factors = {}, residuals = {};
+    AlignedBuffer<float> rows = {};   ///< Projected.
+    AlignedBuffer<float> system = {}; ///< Widest of all.
+    AlignedBuffer<float> gram = {};
+    AlignedBuffer<float> right_side = {}, step = {}, free_step = {}, gradient = {};
+    std::vector<signed char> bound_state = {}; ///< 0 free, -1 at 0, 1 at the upper bound.
+    std::vector<signed char> next_state = {};
+    std::vector<int> free = {};
+
+    AlignedBuffer<float> candidates = {};
+    AlignedBuffer<float> region = {}, seen = {}; ///< Planar.
+    std::vector<unsigned char> is_facing = {}, is_marked = {}, is_hidden = {};
+    std::vector<int> silhouette = {}, silhouette_cells = {}, row_begins = {}, by_row = {};
+
+    /// Occluders of some shape seen before: all of them are evaluated only when the shape has moved far from it.
+    bool has_occluders = false;
+    std::vector<double> occluder_alpha = {}, occluder_psi = {};
+    AlignedBuffer<float> occluder_neutral = {}, occluders = {}, occluders_seen = {}; ///< Planar.
+    std::vector<int> outcodes = {};
+    std::vector<SilhouetteBand> bands = {};
+    std::vector<int> near_triangles = {}, near_slots = {}, near_vertices = {};
+    AlignedBuffer<float> near_neutral = {}, near_offset = {}, near_seen = {};
+    std::vector<double> projected_u = {}, projected_v = {};
+    std::vector<int> projected_rows = {};
+    AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
+};
+
+[[nodiscard]] inline PointPanels make_panels(const ModelPoints& points, CoordinateOrder order)
+{
+    PointPanels panels;
+    panels.num_points = static_cast<int>(points.num_points());
+    const int padded = kernels::round_up(panels.num_points, kernels::panel_size);
+    panels.axis_step = order == CoordinateOrder::planar ? padded : 1;
+    panels.point_step = order == CoordinateOrder::planar ? 1 : 3;
+    panels.num_panels = order == CoordinateOrder::planar
+                            ? 3 * padded / kernels::panel_size
+                            : kernels::round_up(3 * panels.num_points, kernels::panel_size) / kernels::panel_size;
+    const int num_shape = static_cast<int>(points.num_shape_coefficients());
+    const int num_expressions = static_cast<int>(points.num_expression_coefficients());
+    panels.mean = AlignedBuffer<float>(panels.size());
+    panels.identity = AlignedBuffer<float>(panels.size() * num_shape);
+    panels.expression = AlignedBuffer<float>(panels.size() * num_expressions);
+    for (int i = 0; i < panels.num_points; ++i) {
+        for (int axis = 0; axis < 3; ++axis) {
+            const int at = axis * panels.axis_step + i * panels.point_step;
+            const std::size_t panel = static_cast<std::size_t>(at / kernels::panel_size);
+            const std::size_t within = static_cast<std::size_t>(at % kernels::panel_size);
+            panels.mean[static_cast<std::size_t>(at)] = static_cast<float>(points.mean(axis, i));
+            for (int j = 0; j < num_shape; ++j) {
+                panels.identity[(panel * num_shape + j) * kernels::panel_size + within] =
+                    static_cast<float>(points.identity(j, 3 * i + axis));
+            }
+            for (int j = 0; j < num_expressions; ++j) {
+                panels.expression[(panel * num_expressions + j) * kernels::panel_size + within] =
+                    static_cast<float>(points.expression(j, 3 * i + axis));
+            }
+        }
+    }
+    return panels;
+}
+
+[[nodiscard]] inline PointRows make_rows(const ModelPoints& points, int shape_width, int expression_width)
+{
+    const int count = 3 * static_cast<int>(points.num_points());
+    PointRows rows;
+    rows.mean = AlignedBuffer<float>(count);
+    rows.identity = AlignedBuffer<float>(static_cast<std::size_t>(count) * shape_width);
+    rows.expression = AlignedBuffer<float>(static_cast<std::size_t>(count) * expression_width);
+    for (int r = 0; r < count; ++r) {
+        rows.mean[r] = static_cast<float>(points.mean(r % 3, r / 3));
+        for (Eigen::Index j = 0; j < points.num_shape_coefficients(); ++j) {
+            rows.identity[static_cast<std::size_t>(r) * shape_width + j] = static_cast<float>(points.identity(j, r));
+        }
+        for (Eigen::Index j = 0; j < points.num_expression_coefficients(); ++j) {
+            rows.expression[static_cast<std::size_t>(r) * expression_width + j] =
+                static_cast<float>(points.expression(j, r));
+        }
+    }
+    return rows;
+}
+
+/// G_xx, G_yy, G_zz, G_xy + G_yx, G_xz + G_zx, G_yz + G_zy of weighted points, summed in double precision.
+/// @param columns  As ModelPoints::identity: 3i + a holds row a of point i.
+[[nodiscard]] inline AlignedBuffer<float> make_grams(const Eigen::MatrixXd& columns,
+                                                     const std::vector<double>& information, int width)
+{
+    constexpr int first[6] = {0, 1, 2, 0, 0, 1};
+    constexpr int second[6] = {0, 1, 2, 1, 2, 2};
+    const int size = static_cast<int>(columns.rows());
+    AlignedBuffer<float> grams(static_cast<std::size_t>(6) * width * width);
+    std::vector<double> sums(static_cast<std::size_t>(size) * size);
+    for (int g = 0; g < 6; ++g) {
+        sums.assign(sums.size(), 0.0);
+        for (std::size_t i = 0; i < information.size(); ++i) {
+            const Eigen::Index base = 3 * static_cast<Eigen::Index>(i);
+            const double* a = columns.data() + (base + first[g]) * size;
+            const double* b = columns.data() + (base + second[g]) * size;
+            for (int row = 0; row < size; ++row) {
+                const double factor_a = information[i] * a[row];
+                const double factor_b = g < 3 ? 0.0 : information[i] * b[row];
+                double* target = sums.data() + static_cast<std::size_t>(row) * size;
+                for (int column = 0; column < size; ++column) {
+                    target[column] += factor_a * b[column] + factor_b * a[column];
+                }
+            }
+        }
+        for (int row = 0; row < size; ++row) {
+            for (int column = 0; column < size; ++column) {
+                grams[(static_cast<std::size_t>(g) * width + row) * width + column] =
+                    static_cast<float>(sums[static_cast<std::size_t>(row) * size + column]);
+            }
+        }
+    }
+    return grams;
+}
+
+/// The columns of panels in 16-bit integers with one scale a column.
+inline void shorten_panels(const AlignedBuffer<float>& panels, int num_columns, AlignedBuffer<std::int16_t>& shortened,
+                           std::vector<float>& scales)
+{
+    shortened = AlignedBuffer<std::int16_t>(panels.size());
+    std::vector<float> largest(num_columns, 0.0f);
+    const auto column_of = [&](std::size_t i) { return (i / kernels::panel_size) % num_columns; };
+    for (std::size_t i = 0; i < panels.size(); ++i) {
+        largest[column_of(i)] = std::max(largest[column_of(i)], std::abs(panels[i]));
+    }
+    scales.resize(num_columns);
+    for (int j = 0; j < num_columns; ++j) {
+        scales[j] = largest[j] > 0 ? largest[j] / 32767.0f : 1.0f;
+    }
+    for (std::size_t i = 0; i < panels.size(); ++i) {
+        shortened[i] = static_cast<std::int16_t>(std::lround(panels[i] / scales[column_of(i)]));
+    }
+}
+
+/// Of each coefficient: the longest of its columns' 3-vectors.
+[[nodiscard]] inline std::vector<double> reach_of(const Eigen::MatrixXd& columns)
+{
+    std::vector<double> reach(static_cast<std::size_t>(columns.rows()), 0.0);
+    for (Eigen::Index i = 0; 3 * i < columns.cols(); ++i) {
+        for (Eigen::Index j = 0; j < columns.rows(); ++j) {
+            const double length = std::hypot(columns(j, 3 * i), columns(j, 3 * i + 1), columns(j, 3 * i + 2));
+            reach[static_cast<std::size_t>(j)] = std::max(reach[static_cast<std::size_t>(j)], length);
+        }
+    }
+    return reach;
+}
+
+/// Adds the silhouette regions and candidates to a pack.
+inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
+{
+    const MorphableModel& model = fitter.model();
+    const ContourModel& contour = *fitter.contour();
+    const auto points_of = [&](const std::vector<int>& vertices) {
+        return vertex_points(model, vertices, fitter.expressions(), fitter.num_shape_coefficients());
+    };
+    const int num_occluders = static_cast<int>(contour.num_occluder_vertices());
+    std::vector<int> occluders(num_occluders);
+    for (int v = 0; v < num_occluders; ++v) {
+        occluders[v] = v;
+    }
+    pack.has_contour = true;
+    const ModelPoints occluder_points = points_of(occluders);
+    pack.occluders = make_panels(occluder_points, CoordinateOrder::planar);
+    pack.occluder_rows = make_rows(occluder_points, pack.shape_width, pack.expression_width);
+    pack.shape_reach = reach_of(occluder_points.identity);
+    for (Eigen::Index i = 0; i < occluder_points.num_points(); ++i) {
+        double squares = 0;
+        for (const double entry : occluder_points.identity.middleCols<3>(3 * i).reshaped()) {
+            squares += entry * entry;
+        }
+        pack.shape_norm = std::max(pack.shape_norm, std::sqrt(squares));
+    }
+    pack.expression_reach = reach_of(occluder_points.expression);
+    const Eigen::Matrix3Xi& drawn = contour.occluder_triangles();
+    for (Eigen::Index t = 0; t < drawn.cols(); ++t) {
+        pack.occluder_triangles.push_back({drawn(0, t), drawn(1, t), drawn(2, t)});
+    }
+    std::vector<int> row_of_vertex(static_cast<std::size_t>(model.num_vertices()), -1);
+    std::vector<int> row_vertices;
+    const auto row_of = [&](int vertex) {
+        if (row_of_vertex[vertex] < 0) {
+            row_of_vertex[vertex] = static_cast<int>(row_vertices.size());
+            row_vertices.push_back(vertex);
+        }
+        return row_of_vertex[vertex];
+    };
+    std::vector<int> candidates;
+    for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
+        ContourRegion& region = pack.regions[static_cast<int>(side)];
+        region.first_candidate = static_cast<int>(candidates.size());
+        for (const int vertex : contour.candidates(side)) {
+            candidates.push_back(vertex);
+            region.candidate_rows.push_back(row_of(vertex));
+        }
+        const std::vector<int>& triangles = contour.region_triangles(side);
+        std::vector<int> own;
+        for (const int t : triangles) {
+            own.insert(own.end(), contour.triangles().col(t).begin(), contour.triangles().col(t).end());
+        }
+        sort_unique(own);
+        region.vertices = make_panels(points_of(own), CoordinateOrder::planar);
+        const auto local = [&](int vertex) {
+            return static_cast<int>(std::lower_bound(own.begin(), own.end(), vertex) - own.begin());
+        };
+        for (const int t : triangles) {
+            region.triangles.push_back(
+                {local(contour.triangles()(0, t)), local(contour.triangles()(1, t)), local(contour.triangles()(2, t))});
+        }
+        region.rows.assign(own.size(), -1);
+        for (const ContourModel::Edge& edge : contour.edges(side)) {
+            ContourRegion::Edge packed = {};
+            for (int end = 0; end < 2; ++end) {
+                packed.vertices[end] = local(edge.vertices[end]);
+                packed.triangles[end] = static_cast<int>(
+                    std::lower_bound(triangles.begin(), triangles.end(), edge.triangles[end]) - triangles.begin());
+                region.rows[packed.vertices[end]] = row_of(edge.vertices[end]);
+            }
+            region.edges.push_back(packed);
+        }
+    }
+    pack.candidates = make_panels(points_of(candidates), CoordinateOrder::interleaved);
+    pack.contour_rows = make_rows(points_of(row_vertices), pack.shape_width, pack.expression_width);
+    pack.contour_vertices = row_vertices;
+    pack.max_matches = static_cast<int>(row_vertices.size()) + 16;
+}
+
+[[nodiscard]] inline RealtimePack make_pack(const FaceFitter& fitter, bool is_mesh_short)
+{
+    const FitOptions& options = fitter.options();
+    const LandmarkMap& map = fitter.landmark_map();
+    RealtimePack pack;
+    pack.num_shape = static_cast<int>(fitter.num_shape_coefficients());
+    pack.num_expressions = static_cast<int>(fitter.expressions() ? fitter.expressions()->num_coefficients() : 0);
+    pack.shape_width = kernels::round_up(pack.num_shape + 1, kernels::width_step);
+    pack.expression_width = kernels::round_up(std::max(pack.num_expressions, 1), kernels::width_step);
+
+    const Eigen::VectorXf* noise_mm = fitter.landmark_noise_mm();
+    const auto information_of = [&](double sigma_mm) {
+        return options.noise_units == NoiseUnits::model ? 1 / (sigma_mm * sigma_mm) : 1 / options.pixel_variance;
+    };
+    std::vector<int> fixed;
+    std::vector<int> rest;
+    for (int l = 0; l < static_cast<int>(map.num_landmarks()); ++l) {
+        MapEntry entry;
+        const auto side = fitter.scheme() == "ibug68" ? outline_side(map.names[l]) : std::nullopt;
+        entry.is_outline = side.has_value();
+        entry.side = side.value_or(FaceSide::left);
+        entry.is_measured = noise_mm == nullptr || !std::isinf((*noise_mm)[l]);
+        if (entry.is_measured && (!entry.is_outline || options.contour == ContourMode::fixed)) {
+            const double sigma_mm = entry.is_outline ? options.contour_sigma_mm : options.landmark_sigma_mm;
+            entry.fixed_index = static_cast<int>(fixed.size());
+            fixed.push_back(l);
+            pack.fixed_information.push_back(information_of(noise_mm ? (*noise_mm)[l] : sigma_mm));
+        } else {
+            entry.rest_index = static_cast<int>(rest.size());
+            rest.push_back(l);
+        }
+        pack.map.push_back(entry);
+    }
+    pack.contour_information = information_of(options.contour_sigma_mm);
+    const auto points_of = [&](const std::vector<int>& landmarks) {
+        ModelPoints points =
+            ModelPoints::sized(static_cast<Eigen::Index>(landmarks.size()), pack.num_shape, pack.num_expressions);
+        for (std::size_t i = 0; i < landmarks.size(); ++i) {
+            points.assign(static_cast<Eigen::Index>(i), fitter.landmark_points(), landmarks[i]);
+        }
+        return points;
+    };
+    const ModelPoints fixed_points = points_of(fixed);
+    pack.fixed = make_panels(fixed_points, CoordinateOrder::interleaved);
+    pack.rest = make_panels(points_of(rest), CoordinateOrder::interleaved);
+    pack.fixed_rows = make_rows(fixed_points, pack.shape_width, pack.expression_width);
+    pack.identity_grams = make_grams(fixed_points.identity, pack.fixed_information, pack.shape_width);
+    pack.expression_grams = make_grams(fixed_points.expression, pack.fixed_information, pack.expression_width);
+    if (fitter.contour()) {
+        pack_contour(fitter, pack);
+    }
+    std::vector<int> all(static_cast<std::size_t>(fitter.model().num_vertices()));
+    for (std::size_t v = 0; v < all.size(); ++v) {
+        all[v] = static_cast<int>(v);
+    }
+    pack.mesh = make_panels(vertex_points(fitter.model(), all, fitter.expressions(), pack.num_shape),
+                            CoordinateOrder::interleaved);
+    if (is_mesh_short) {
+        shorten_panels(pack.mesh.identity, pack.num_shape, pack.mesh_identity, pack.mesh_identity_scales);
+        shorten_panels(pack.mesh.expression, pack.num_expressions, pack.mesh_expression, pack.mesh_expression_scales);
+        pack.mesh.identity = {};
+        pack.mesh.expression = {};
+    }
+    return pack;
+}
+
+[[nodiscard]] inline NeutralShape make_neutral(const RealtimePack& pack, bool is_frozen)
+{
+    NeutralShape neutral;
+    neutral.fixed = AlignedBuffer<float>(pack.fixed.size());
+    neutral.rest = AlignedBuffer<float>(pack.rest.size());
+    neutral.candidates = AlignedBuffer<float>(pack.candidates.size());
+    for (int side = 0; side < 2; ++side) {
+        neutral.regions[side] = AlignedBuffer<float>(pack.regions[side].vertices.size());
+    }
+    neutral.contour = AlignedBuffer<float>(is_frozen ? pack.contour_rows.mean.size() : 0);
+    neutral.mesh = AlignedBuffer<float>(pack.mesh.size());
+    return neutral;
+}
+
+[[nodiscard]] inline RealtimeBuffers make_buffers(const RealtimePack& pack)
+{
+    const std::size_t num_fixed = static_cast<std::size_t>(pack.fixed.num_points);
+    const std::size_t max_matches = static_cast<std::size_t>(pack.max_matches);
+    const std::size_t width = static_cast<std::size_t>(std::max(pack.shape_width, pack.expression_width));
+    RealtimeBuffers buffers;
+    buffers.neutral = make_neutral(pack, false);
+    buffers.alpha.resize(pack.num_shape);
+    buffers.psi.resize(pack.num_expressions);
+    buffers.alpha_row = AlignedBuffer<float>(pack.shape_width);
+    buffers.psi_row = AlignedBuffer<float>(pack.expression_width);
+    buffers.landmark_of_fixed.resize(num_fixed);
+    buffers.map_indices.reserve(pack.map.size());
+    buffers.fixed_u.resize(num_fixed);
+    buffers.fixed_v.resize(num_fixed);
+    buffers.fixed_confidence.resize(num_fixed);
+    buffers.fixed = AlignedBuffer<float>(pack.fixed.size());
+    buffers.rest = AlignedBuffer<float>(pack.rest.size());
+    for (auto& outline : buffers.outline) {
+        outline.reserve(16);
+    }
+    buffers.matches.reserve(max_matches);
+    buffers.match_rows.reserve(max_matches);
+    buffers.match_neutral = AlignedBuffer<float>(3 * max_matches);
+    buffers.match_offset = AlignedBuffer<float>(3 * max_matches);
+    buffers.match_positions = AlignedBuffer<float>(3 * max_matches);
+    buffers.pose_points = AlignedBuffer<double>(6 * (num_fixed + max_matches + 8));
+    buffers.present.reserve(num_fixed);
+    buffers.roots.reserve(num_fixed + max_matches);
+    buffers.factors = AlignedBuffer<float>(3 * num_fixed);
+    buffers.residuals = AlignedBuffer<float>(2 * max_matches);
+    buffers.rows = AlignedBuffer<float>(2 * std::max(num_fixed, max_matches) * width);
+    // A system in all expressions needs one column more than their rows have.
+    const std::size_t system_width = width + kernels::width_step;
+    buffers.system = AlignedBuffer<float>(system_width * system_width);
+    buffers.gram = AlignedBuffer<float>(static_cast<std::size_t>(pack.expression_width) * pack.expression_width);
+    buffers.right_side = AlignedBuffer<float>(system_width);
+    buffers.step = AlignedBuffer<float>(system_width);
+    buffers.free_step = AlignedBuffer<float>(system_width);
+    buffers.gradient = AlignedBuffer<float>(system_width);
+    buffers.bound_state.resize(pack.num_expressions);
+    buffers.next_state.resize(pack.num_expressions);
+    buffers.free.reserve(pack.num_expressions);
+
+    std::size_t num_seen = 0;
+    std::size_t num_triangles = 0;
+    std::size_t region_size = 0;
+    for (const ContourRegion& region : pack.regions) {
+        num_seen = std::max(num_seen, region.rows.size());
+        num_triangles = std::max(num_triangles, region.triangles.size());
+        region_size = std::max(region_size, region.vertices.size());
+    }
+    const std::size_t num_projected = std::max(num_seen, static_cast<std::size_t>(pack.candidates.num_points));
+    const std::size_t num_occluders = static_cast<std::size_t>(pack.occluders.num_points);
+    buffers.candidates = AlignedBuffer<float>(pack.candidates.size());
+    buffers.region = AlignedBuffer<float>(region_size);
+    buffers.seen = AlignedBuffer<float>(region_size);
+    buffers.is_facing.resize(num_triangles);
+    buffers.is_marked.resize(num_seen);
+    buffers.is_hidden.resize(num_seen);
+    buffers.silhouette.reserve(num_seen);
+    buffers.silhouette_cells.resize(2 * num_seen);
+    buffers.row_begins.resize(max_cells + 2);
+    buffers.by_row.resize(num_seen);
+    buffers.projected_u.resize(num_projected);
+    buffers.projected_v.resize(num_projected);
+    buffers.projected_rows.resize(num_projected);
+    buffers.occluder_alpha.resize(pack.num_shape);
+    buffers.occluder_psi.resize(pack.num_expressions);
+    buffers.occluder_neutral = AlignedBuffer<float>(pack.occluders.size());
+    buffers.occluders = AlignedBuffer<float>(pack.occluders.size());
+    buffers.occluders_seen = AlignedBuffer<float>(pack.occluders.size());
+    buffers.outcodes.resize(num_occluders);
+    buffers.bands.resize(max_cells);
+    buffers.near_triangles.resize(pack.occluder_triangles.size() + 1);
+    buffers.near_slots.assign(num_occluders, -1);
+    buffers.near_vertices.reserve(num_occluders);
+    buffers.near_neutral = AlignedBuffer<float>(3 * num_occluders);
+    buffers.near_offset = AlignedBuffer<float>(3 * num_occluders);
+    buffers.near_seen = AlignedBuffer<float>(3 * num_occluders);
+    buffers.mesh = AlignedBuffer<float>(pack.mesh.size());
+    buffers.mesh_coefficients = AlignedBuffer<float>(width);
+    return buffers;
+}
+
+} // namespace lineament::detail

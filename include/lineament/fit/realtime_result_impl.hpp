@@ -1,0 +1,108 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/realtime_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_REALTIME_RESULT_IMPL_HPP
+#define LINEAMENT_FIT_REALTIME_RESULT_IMPL_HPP
+
+namespace lineament::detail {
+
+/// FrameFit::result, into memory that is there.
+inline void RealtimeFit::write(FitResult& result, int iterations)
+{
+    const FitOptions& options = fitter_.reference_.options();
+    if (identity_status_ != FitStatus::success) {
+        status_ = identity_status_;
+        reason_ = identity_reason_;
+    }
+    if (status_ == FitStatus::success && num_held_ > 0) {
+        status_ = FitStatus::implausible;
+        reason_ =
+            std::to_string(num_held_) + " expression coefficients were held at " + to_text(options.max_expression);
+    }
+    result.status = status_;
+    result.reason = reason_;
+    result.method = "thesis";
+    result.camera = camera_;
+    result.iterations = iterations;
+    result.shape_coefficients = Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape);
+    result.expression_coefficients = Eigen::Map<const Eigen::VectorXd>(work_.psi.data(), pack_.num_expressions);
+    const Blendshapes* expressions = fitter_.reference_.expressions();
+    if (expressions == nullptr) {
+        result.expression_set.clear();
+        result.expression_names.clear();
+    } else {
+        result.expression_set = expressions->name;
+        if (result.expression_names != expressions->names) {
+            result.expression_names = expressions->names;
+        }
+    }
+
+    evaluate(pack_.rest, neutral().rest, work_.neutral.rest, work_.rest);
+    const auto project = [&](const float* point) {
+        return Eigen::Vector2d(project_point(camera_, point[0], point[1], point[2]) + camera_.principal_point_px);
+    };
+    double largest_weight = std::numeric_limits<double>::min();
+    for (int i = 0; i < pack_.fixed.num_points; ++i) {
+        largest_weight = std::max(largest_weight, fixed_weight(i));
+    }
+    for (const RealtimeMatch& match : work_.matches) {
+        largest_weight = std::max(largest_weight, scale_factor_ * match.information);
+    }
+    result.chi_square = 0;
+    result.landmarks.resize(landmarks_.landmarks.size());
+    for (std::size_t l = 0; l < landmarks_.landmarks.size(); ++l) {
+        const Landmark& landmark = landmarks_.landmarks[l];
+        FittedLandmark& fitted = result.landmarks[l];
+        if (fitted.name != landmark.name) {
+            fitted.name = landmark.name;
+        }
+        fitted.point_px = landmark.point_px;
+        fitted.weight = 0;
+        const int index = work_.map_indices[l];
+        if (index < 0) {
+            fitted.fitted_px = landmark.point_px;
+            continue;
+        }
+        const MapEntry& entry = pack_.map[index];
+        if (entry.fixed_index < 0) {
+            fitted.fitted_px = project(work_.rest.data() + 3 * entry.rest_index);
+            continue;
+        }
+        fitted.fitted_px = project(work_.fixed.data() + 3 * entry.fixed_index);
+        if (work_.landmark_of_fixed[entry.fixed_index] == static_cast<int>(l)) {
+            const double weight = fixed_weight(entry.fixed_index);
+            result.chi_square += weight * (fitted.fitted_px - fitted.point_px).squaredNorm();
+            fitted.weight = weight / largest_weight;
+        }
+    }
+    for (std::size_t i = 0; i < work_.matches.size(); ++i) { // of several matches of one landmark the nearest is shown
+        const RealtimeMatch& match = work_.matches[i];
+        FittedLandmark& fitted = result.landmarks[match.landmark_index];
+        const Eigen::Vector2d seen = project(work_.match_positions.data() + 3 * i);
+        const double distance = (seen - fitted.point_px).squaredNorm();
+        const double weight = scale_factor_ * match.information;
+        result.chi_square += weight * distance;
+        if (fitted.weight == 0 || distance < (fitted.fitted_px - fitted.point_px).squaredNorm()) {
+            fitted.fitted_px = seen;
+        }
+        fitted.weight = weight / largest_weight;
+    }
+    int num_used = 0;
+    double sum = 0;
+    for (const FittedLandmark& fitted : result.landmarks) {
+        if (fitted.weight > 0) {
+            ++num_used;
+            sum += (fitted.fitted_px - fitted.point_px).squaredNorm();
+        }
+    }
+    result.rms_px = std::sqrt(sum / num_used);
+    result.chi_square +=
+        options.regularization * result.shape_coefficients.squaredNorm() +
+        result.expression_coefficients.squaredNorm() / (options.expression_sigma * options.expression_sigma);
+    result.degrees_of_freedom = 2 * num_used - 6;
+}
+
+} // namespace lineament::detail
+
+#endif

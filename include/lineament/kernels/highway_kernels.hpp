@@ -1,0 +1,563 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The kernels on Highway's portable vectors, for the instruction set this translation unit is compiled for. Empty
+// unless LINEAMENT_USE_HIGHWAY is defined; src/kernels compiles it once for each set.
+#include "lineament/kernels/scalar_kernels.hpp"
+
+#ifdef LINEAMENT_USE_HIGHWAY
+
+#include <hwy/highway.h>
+
+// An include guard that opens once for each instruction set.
+#if defined(LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP) == defined(HWY_TARGET_TOGGLE)
+#ifdef LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP
+#undef LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP
+#else
+#define LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP
+#endif
+
+#include <cmath>
+
+HWY_BEFORE_NAMESPACE();
+namespace lineament::kernels::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Floats = hn::CappedTag<float, 16>;
+using Vector = hn::Vec<Floats>;
+inline constexpr int lanes = static_cast<int>(hn::MaxLanes(Floats()));
+/// Columns in one pass: eight vectors in registers, or a whole panel.
+inline constexpr int chunk = 8 * lanes < panel_size ? 8 * lanes : panel_size;
+
+/// Eight (with 16 lanes four) vectors of sums side by side.
+struct Sums
+{
+    Vector v0, v1, v2, v3, v4, v5, v6, v7;
+
+    HWY_INLINE void load(const float* from)
+    {
+        const Floats d;
+        v0 = hn::Load(d, from);
+        v1 = hn::Load(d, from + lanes);
+        v2 = hn::Load(d, from + 2 * lanes);
+        v3 = hn::Load(d, from + 3 * lanes);
+        if constexpr (chunk == 8 * lanes) {
+            v4 = hn::Load(d, from + 4 * lanes);
+            v5 = hn::Load(d, from + 5 * lanes);
+            v6 = hn::Load(d, from + 6 * lanes);
+            v7 = hn::Load(d, from + 7 * lanes);
+        }
+    }
+    HWY_INLINE void store(float* to) const
+    {
+        const Floats d;
+        hn::Store(v0, d, to);
+        hn::Store(v1, d, to + lanes);
+        hn::Store(v2, d, to + 2 * lanes);
+        hn::Store(v3, d, to + 3 * lanes);
+        if constexpr (chunk == 8 * lanes) {
+            hn::Store(v4, d, to + 4 * lanes);
+            hn::Store(v5, d, to + 5 * lanes);
+            hn::Store(v6, d, to + 6 * lanes);
+            hn::Store(v7, d, to + 7 * lanes);
+        }
+    }
+    template <typename Read>
+    HWY_INLINE void add(Vector factor, const Read& read)
+    {
+        v0 = hn::MulAdd(factor, read(0), v0);
+        v1 = hn::MulAdd(factor, read(lanes), v1);
+        v2 = hn::MulAdd(factor, read(2 * lanes), v2);
+        v3 = hn::MulAdd(factor, read(3 * lanes), v3);
+        if constexpr (chunk == 8 * lanes) {
+            v4 = hn::MulAdd(factor, read(4 * lanes), v4);
+            v5 = hn::MulAdd(factor, read(5 * lanes), v5);
+            v6 = hn::MulAdd(factor, read(6 * lanes), v6);
+            v7 = hn::MulAdd(factor, read(7 * lanes), v7);
+        }
+    }
+};
+
+/// Reads of single precision columns, and of 16-bit ones.
+struct ReadFloat
+{
+    const float* from;
+    HWY_INLINE Vector operator()(int offset) const { return hn::Load(Floats(), from + offset); }
+};
+struct ReadInt16
+{
+    const std::int16_t* from;
+    HWY_INLINE Vector operator()(int offset) const
+    {
+        const hn::Rebind<std::int32_t, Floats> wide;
+        const hn::Rebind<std::int16_t, Floats> narrow;
+        return hn::ConvertTo(Floats(), hn::PromoteTo(wide, hn::Load(narrow, from + offset)));
+    }
+};
+
+template <typename Read, typename T>
+HWY_INLINE void combine(const float* base, const T* panels, int num_panels, int num_columns, const float* coefficients,
+                        float* out)
+{
+    const Floats d;
+    for (int p = 0; p < num_panels; ++p) {
+        for (int begin = 0; begin < panel_size; begin += chunk) {
+            Sums sums;
+            sums.load(base + p * panel_size + begin);
+            const T* column = panels + begin;
+            for (int j = 0; j < num_columns; ++j, column += panel_size) {
+                sums.add(hn::Set(d, coefficients[j]), Read{column});
+            }
+            sums.store(out + p * panel_size + begin);
+        }
+        panels += static_cast<std::ptrdiff_t>(num_columns) * panel_size;
+    }
+}
+
+inline void combine_panels(const float* base, const float* panels, int num_panels, int num_columns,
+                           const float* coefficients, float* out)
+{
+    combine<ReadFloat>(base, panels, num_panels, num_columns, coefficients, out);
+}
+
+inline void combine_panels_int16(const float* base, const std::int16_t* panels, int num_panels, int num_columns,
+                                 const float* coefficients, float* out)
+{
+    combine<ReadInt16>(base, panels, num_panels, num_columns, coefficients, out);
+}
+
+inline void combine_grams(const float* grams, int width, const float* scales, float* gram)
+{
+    const Floats d;
+    const int size = width * width;
+    const Vector s0 = hn::Set(d, scales[0]);
+    const Vector s1 = hn::Set(d, scales[1]);
+    const Vector s2 = hn::Set(d, scales[2]);
+    const Vector s3 = hn::Set(d, scales[3]);
+    const Vector s4 = hn::Set(d, scales[4]);
+    const Vector s5 = hn::Set(d, scales[5]);
+    for (int i = 0; i < width; ++i) {
+        for (int at = i * width + i / lanes * lanes; at < (i + 1) * width; at += lanes) {
+            const float* from = grams + at;
+            Vector sum = hn::Mul(s0, hn::Load(d, from));
+            Vector other = hn::Mul(s1, hn::Load(d, from + size));
+            sum = hn::MulAdd(s2, hn::Load(d, from + 2 * size), sum);
+            other = hn::MulAdd(s3, hn::Load(d, from + 3 * size), other);
+            sum = hn::MulAdd(s4, hn::Load(d, from + 4 * size), sum);
+            other = hn::MulAdd(s5, hn::Load(d, from + 5 * size), other);
+            hn::Store(hn::Add(sum, other), d, gram + at);
+        }
+    }
+}
+
+inline void project_rows(const float* point_rows, int width, const int* indices, int count, const float* jacobian,
+                         const float* roots, float* out)
+{
+    const Floats d;
+    for (int i = 0; i < count; ++i, out += 2 * width) {
+        const float* rows = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
+        const Vector ux = hn::Set(d, roots[i] * jacobian[0]);
+        const Vector uy = hn::Set(d, roots[i] * jacobian[1]);
+        const Vector uz = hn::Set(d, roots[i] * jacobian[2]);
+        const Vector vx = hn::Set(d, roots[i] * jacobian[3]);
+        const Vector vy = hn::Set(d, roots[i] * jacobian[4]);
+        const Vector vz = hn::Set(d, roots[i] * jacobian[5]);
+        for (int c = 0; c < width; c += lanes) {
+            const Vector x = hn::Load(d, rows + c);
+            const Vector y = hn::Load(d, rows + width + c);
+            const Vector z = hn::Load(d, rows + 2 * width + c);
+            hn::Store(hn::MulAdd(uz, z, hn::MulAdd(uy, y, hn::Mul(ux, x))), d, out + c);
+            hn::Store(hn::MulAdd(vz, z, hn::MulAdd(vy, y, hn::Mul(vx, x))), d, out + width + c);
+        }
+    }
+}
+
+inline void multiply_rows(const float* point_rows, int width, const int* indices, int count, const float* x, float* out)
+{
+    const Floats d;
+    for (int i = 0; i < count; ++i) {
+        const float* rows = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
+        Vector sx = hn::Zero(d);
+        Vector sy = hn::Zero(d);
+        Vector sz = hn::Zero(d);
+        for (int c = 0; c < width; c += lanes) {
+            const Vector factor = hn::Load(d, x + c);
+            sx = hn::MulAdd(factor, hn::Load(d, rows + c), sx);
+            sy = hn::MulAdd(factor, hn::Load(d, rows + width + c), sy);
+            sz = hn::MulAdd(factor, hn::Load(d, rows + 2 * width + c), sz);
+        }
+        out[3 * i] = hn::GetLane(hn::SumOfLanes(d, sx));
+        out[3 * i + 1] = hn::GetLane(hn::SumOfLanes(d, sy));
+        out[3 * i + 2] = hn::GetLane(hn::SumOfLanes(d, sz));
+    }
+}
+
+/// Sums of four rows and two vectors of columns.
+struct Block
+{
+    Vector a0, a1, b0, b1, c0, c1, d0, d1;
+
+    HWY_INLINE void load(const float* from, int width)
+    {
+        const Floats d;
+        a0 = hn::Load(d, from);
+        a1 = hn::Load(d, from + lanes);
+        b0 = hn::Load(d, from + width);
+        b1 = hn::Load(d, from + width + lanes);
+        c0 = hn::Load(d, from + 2 * width);
+        c1 = hn::Load(d, from + 2 * width + lanes);
+        d0 = hn::Load(d, from + 3 * width);
+        d1 = hn::Load(d, from + 3 * width + lanes);
+    }
+    HWY_INLINE void store(float* to, int width) const
+    {
+        const Floats d;
+        hn::Store(a0, d, to);
+        hn::Store(a1, d, to + lanes);
+        hn::Store(b0, d, to + width);
+        hn::Store(b1, d, to + width + lanes);
+        hn::Store(c0, d, to + 2 * width);
+        hn::Store(c1, d, to + 2 * width + lanes);
+        hn::Store(d0, d, to + 3 * width);
+        hn::Store(d1, d, to + 3 * width + lanes);
+    }
+    HWY_INLINE void add(const float* factors, const float* row)
+    {
+        const Floats d;
+        const Vector v0 = hn::Load(d, row);
+        const Vector v1 = hn::Load(d, row + lanes);
+        const Vector fa = hn::Set(d, factors[0]);
+        a0 = hn::MulAdd(fa, v0, a0);
+        a1 = hn::MulAdd(fa, v1, a1);
+        const Vector fb = hn::Set(d, factors[1]);
+        b0 = hn::MulAdd(fb, v0, b0);
+        b1 = hn::MulAdd(fb, v1, b1);
+        const Vector fc = hn::Set(d, factors[2]);
+        c0 = hn::MulAdd(fc, v0, c0);
+        c1 = hn::MulAdd(fc, v1, c1);
+        const Vector fd = hn::Set(d, factors[3]);
+        d0 = hn::MulAdd(fd, v0, d0);
+        d1 = hn::MulAdd(fd, v1, d1);
+    }
+    HWY_INLINE void subtract(const float* factors, const float* row)
+    {
+        const Floats d;
+        const Vector v0 = hn::Load(d, row);
+        const Vector v1 = hn::Load(d, row + lanes);
+        const Vector fa = hn::Set(d, factors[0]);
+        a0 = hn::NegMulAdd(fa, v0, a0);
+        a1 = hn::NegMulAdd(fa, v1, a1);
+        const Vector fb = hn::Set(d, factors[1]);
+        b0 = hn::NegMulAdd(fb, v0, b0);
+        b1 = hn::NegMulAdd(fb, v1, b1);
+        const Vector fc = hn::Set(d, factors[2]);
+        c0 = hn::NegMulAdd(fc, v0, c0);
+        c1 = hn::NegMulAdd(fc, v1, c1);
+        const Vector fd = hn::Set(d, factors[3]);
+        d0 = hn::NegMulAdd(fd, v0, d0);
+        d1 = hn::NegMulAdd(fd, v1, d1);
+    }
+};
+
+/// Rows i..i+3 of a Gram matrix, from the diagonal's vector on; pairs of vectors, the first alone if they are odd.
+inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+{
+    const Floats d;
+    for (int i = 0; i < width; i += 4) {
+        float* target = gram + i * width;
+        int c = i / lanes * lanes;
+        if ((width - c) % (2 * lanes) != 0) {
+            Vector sums[4] = {hn::Load(d, target + c), hn::Load(d, target + width + c),
+                              hn::Load(d, target + 2 * width + c), hn::Load(d, target + 3 * width + c)};
+            const float* row = rows;
+            for (int r = 0; r < num_rows; ++r, row += width) {
+                const Vector value = hn::Load(d, row + c);
+                for (int q = 0; q < 4; ++q) {
+                    sums[q] = hn::MulAdd(hn::Set(d, row[i + q]), value, sums[q]);
+                }
+            }
+            for (int q = 0; q < 4; ++q) {
+                hn::Store(sums[q], d, target + q * width + c);
+            }
+            c += lanes;
+        }
+        for (; c < width; c += 2 * lanes) {
+            Block block;
+            block.load(target + c, width);
+            const float* row = rows;
+            for (int r = 0; r < num_rows; ++r, row += width) {
+                block.add(row + i, row + c);
+            }
+            block.store(target + c, width);
+        }
+    }
+}
+
+/// Rows i..i+3 of a system less the products of the i rows above them with `factors`, four a row.
+HWY_INLINE void subtract_products(const float* above, const float* factors, int i, int width, float* target)
+{
+    const Floats d;
+    int c = i / lanes * lanes;
+    if ((width - c) % (2 * lanes) != 0) {
+        Vector sums[4] = {hn::Load(d, target + c), hn::Load(d, target + width + c), hn::Load(d, target + 2 * width + c),
+                          hn::Load(d, target + 3 * width + c)};
+        for (int k = 0; k < i; ++k) {
+            const Vector value = hn::Load(d, above + k * width + c);
+            for (int q = 0; q < 4; ++q) {
+                sums[q] = hn::NegMulAdd(hn::Set(d, factors[4 * k + q]), value, sums[q]);
+            }
+        }
+        for (int q = 0; q < 4; ++q) {
+            hn::Store(sums[q], d, target + q * width + c);
+        }
+        c += lanes;
+    }
+    for (; c < width; c += 2 * lanes) {
+        Block block;
+        block.load(target + c, width);
+        for (int k = 0; k < i; ++k) {
+            block.subtract(factors + 4 * k, above + k * width + c);
+        }
+        block.store(target + c, width);
+    }
+}
+
+inline void add_rows(const float* rows, int num_rows, int width, const float* factors, float* sums)
+{
+    const Floats d;
+    int begin = 0;
+    for (; begin + chunk <= width; begin += chunk) {
+        Sums partial;
+        partial.load(sums + begin);
+        const float* row = rows + begin;
+        for (int r = 0; r < num_rows; ++r, row += width) {
+            partial.add(hn::Set(d, factors[r]), ReadFloat{row});
+        }
+        partial.store(sums + begin);
+    }
+    for (; begin < width; begin += lanes) { // four chains hide the latency
+        Vector partial[4] = {hn::Load(d, sums + begin), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+        const float* row = rows + begin;
+        int r = 0;
+        for (; r + 4 <= num_rows; r += 4, row += 4 * width) {
+            for (int q = 0; q < 4; ++q) {
+                partial[q] = hn::MulAdd(hn::Set(d, factors[r + q]), hn::Load(d, row + q * width), partial[q]);
+            }
+        }
+        for (; r < num_rows; ++r, row += width) {
+            partial[0] = hn::MulAdd(hn::Set(d, factors[r]), hn::Load(d, row), partial[0]);
+        }
+        hn::Store(hn::Add(hn::Add(partial[0], partial[1]), hn::Add(partial[2], partial[3])), d, sums + begin);
+    }
+}
+
+/// U row by row in blocks of four, A = U^T D^-1 U with D the diagonal of U: no roots, and the only long chain is one
+/// division a row.
+inline float solve_positive(float* system, int n, int width, float* x)
+{
+    constexpr int max_size = 256;
+    if (n > max_size) {
+        return scalar::solve_positive(system, n, width, x);
+    }
+    const Floats d;
+    alignas(64) float factors[4 * max_size]; // U(k, i + q) / D(k) at 4 k + q
+    float inverses[max_size + 4];
+    float least = 1;
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        float* r0 = system + i * width;
+        float* r1 = r0 + width;
+        float* r2 = r1 + width;
+        float* r3 = r2 + width;
+        const float diagonal[4] = {r0[i], r1[i + 1], r2[i + 2], r3[i + 3]};
+        for (int k = 0; k < i; ++k) {
+            const float* above = system + k * width + i;
+            for (int q = 0; q < 4; ++q) {
+                factors[4 * k + q] = above[q] * inverses[k];
+            }
+        }
+        subtract_products(system, factors, i, width, r0);
+
+        // The block's own triangle, then its rows.
+        const float d0 = r0[i];
+        const float i0 = 1 / d0;
+        const float f01 = r0[i + 1] * i0, f02 = r0[i + 2] * i0, f03 = r0[i + 3] * i0;
+        const float d1 = r1[i + 1] - f01 * r0[i + 1];
+        const float i1 = 1 / d1;
+        const float u12 = r1[i + 2] - f01 * r0[i + 2], u13 = r1[i + 3] - f01 * r0[i + 3];
+        const float f12 = u12 * i1, f13 = u13 * i1;
+        const float d2 = r2[i + 2] - f02 * r0[i + 2] - f12 * u12;
+        const float i2 = 1 / d2;
+        const float u23 = r2[i + 3] - f02 * r0[i + 3] - f12 * u13;
+        const float f23 = u23 * i2;
+        const float d3 = r3[i + 3] - f03 * r0[i + 3] - f13 * u13 - f23 * u23;
+        if (!(d0 > 0 && d1 > 0 && d2 > 0 && d3 > 0)) {
+            return 0;
+        }
+        const float pivots[4] = {d0, d1, d2, d3};
+        for (int q = 0; q < 4; ++q) {
+            least = pivots[q] < least * diagonal[q] ? pivots[q] / diagonal[q] : least;
+        }
+        inverses[i] = i0;
+        inverses[i + 1] = i1;
+        inverses[i + 2] = i2;
+        inverses[i + 3] = 1 / d3;
+        const Vector v01 = hn::Set(d, f01), v02 = hn::Set(d, f02), v03 = hn::Set(d, f03);
+        const Vector v12 = hn::Set(d, f12), v13 = hn::Set(d, f13), v23 = hn::Set(d, f23);
+        for (int c = i / lanes * lanes; c < width; c += lanes) {
+            const Vector a = hn::Load(d, r0 + c);
+            const Vector b = hn::NegMulAdd(v01, a, hn::Load(d, r1 + c));
+            const Vector e = hn::NegMulAdd(v12, b, hn::NegMulAdd(v02, a, hn::Load(d, r2 + c)));
+            const Vector f = hn::NegMulAdd(v23, e, hn::NegMulAdd(v13, b, hn::NegMulAdd(v03, a, hn::Load(d, r3 + c))));
+            hn::Store(b, d, r1 + c);
+            hn::Store(e, d, r2 + c);
+            hn::Store(f, d, r3 + c);
+        }
+    }
+    for (; i < n; ++i) { // what is left of a block
+        float* row = system + i * width;
+        const float diagonal = row[i];
+        for (int k = 0; k < i; ++k) {
+            const float* above = system + k * width;
+            const Vector factor = hn::Set(d, above[i] * inverses[k]);
+            for (int c = i / lanes * lanes; c < width; c += lanes) {
+                hn::Store(hn::NegMulAdd(factor, hn::Load(d, above + c), hn::Load(d, row + c)), d, row + c);
+            }
+        }
+        if (!(row[i] > 0)) {
+            return 0;
+        }
+        least = row[i] < least * diagonal ? row[i] / diagonal : least;
+        inverses[i] = 1 / row[i];
+    }
+    for (int c = 0; c < width; c += lanes) {
+        hn::Store(hn::Zero(d), d, x + c);
+    }
+    const int last = round_up(n, lanes);
+    for (int end = n; end > 0;) { // x is still 0 where it is not known, so whole vectors may be taken
+        const int begin = (end - 1) / 4 * 4;
+        float sums[4] = {0, 0, 0, 0};
+        for (int q = 0; q < end - begin; ++q) {
+            const float* row = system + (begin + q) * width;
+            Vector sum = hn::Zero(d);
+            for (int c = end / lanes * lanes; c < last; c += lanes) {
+                sum = hn::MulAdd(hn::Load(d, row + c), hn::Load(d, x + c), sum);
+            }
+            sums[q] = hn::GetLane(hn::SumOfLanes(d, sum));
+        }
+        for (int q = end - begin - 1; q >= 0; --q) {
+            const float* row = system + (begin + q) * width;
+            float value = row[n] - sums[q];
+            for (int c = end - 1; c > begin + q; --c) {
+                value -= row[c] * x[c];
+            }
+            x[begin + q] = value * inverses[begin + q];
+        }
+        end = begin;
+    }
+    return least;
+}
+
+inline void transform_points(const float* points, int step, int count, const float* m, float* out, int out_step)
+{
+    const Floats d;
+    for (int a = 0; a < 3; ++a, m += 4, out += out_step) {
+        const Vector mx = hn::Set(d, m[0]);
+        const Vector my = hn::Set(d, m[1]);
+        const Vector mz = hn::Set(d, m[2]);
+        const Vector mw = hn::Set(d, m[3]);
+        for (int i = 0; i < count; i += lanes) {
+            const Vector x = hn::Load(d, points + i);
+            const Vector y = hn::Load(d, points + step + i);
+            const Vector z = hn::Load(d, points + 2 * step + i);
+            hn::Store(hn::Add(hn::MulAdd(mz, z, hn::MulAdd(my, y, hn::Mul(mx, x))), mw), d, out + i);
+        }
+    }
+}
+
+inline void pose_moments(const double* points, int stride, double* moments)
+{
+    using Doubles = hn::CappedTag<double, 8>;
+    using V = hn::Vec<Doubles>;
+    const Doubles d;
+    const V zero = hn::Zero(d);
+    V w1 = zero, wx = zero, wy = zero, wz = zero, wu = zero, wv = zero, xx = zero, xy = zero, xz = zero;
+    V yy = zero, yz = zero, zz = zero, ux = zero, uy = zero, uz = zero, vx = zero, vy = zero, vz = zero;
+    for (int i = 0; i < stride; i += static_cast<int>(hn::MaxLanes(d))) {
+        const V x = hn::Load(d, points + i);
+        const V y = hn::Load(d, points + stride + i);
+        const V z = hn::Load(d, points + 2 * stride + i);
+        const V w = hn::Load(d, points + 5 * stride + i);
+        const V u = hn::Mul(w, hn::Load(d, points + 3 * stride + i));
+        const V v = hn::Mul(w, hn::Load(d, points + 4 * stride + i));
+        const V a = hn::Mul(w, x);
+        const V b = hn::Mul(w, y);
+        const V c = hn::Mul(w, z);
+        w1 = hn::Add(w1, w);
+        wx = hn::Add(wx, a);
+        wy = hn::Add(wy, b);
+        wz = hn::Add(wz, c);
+        wu = hn::Add(wu, u);
+        wv = hn::Add(wv, v);
+        xx = hn::MulAdd(a, x, xx);
+        xy = hn::MulAdd(a, y, xy);
+        xz = hn::MulAdd(a, z, xz);
+        yy = hn::MulAdd(b, y, yy);
+        yz = hn::MulAdd(b, z, yz);
+        zz = hn::MulAdd(c, z, zz);
+        ux = hn::MulAdd(u, x, ux);
+        uy = hn::MulAdd(u, y, uy);
+        uz = hn::MulAdd(u, z, uz);
+        vx = hn::MulAdd(v, x, vx);
+        vy = hn::MulAdd(v, y, vy);
+        vz = hn::MulAdd(v, z, vz);
+    }
+    const V sums[num_pose_moments] = {w1, wx, wy, wz, wu, wv, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz};
+    for (int t = 0; t < num_pose_moments; ++t) {
+        moments[t] = hn::GetLane(hn::SumOfLanes(d, sums[t]));
+    }
+}
+
+/// This instruction set's kernels; without vectors the plain ones, which the compiler knows better.
+[[nodiscard]] inline const Kernels* table()
+{
+#if HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
+    return &scalar_kernels();
+#else
+    static const Kernels kernels = {hwy::TargetName(HWY_TARGET),
+                                    combine_panels,
+                                    combine_panels_int16,
+                                    combine_grams,
+                                    project_rows,
+                                    multiply_rows,
+                                    add_gram,
+                                    add_rows,
+                                    solve_positive,
+                                    transform_points,
+                                    pose_moments};
+    return &kernels;
+#endif
+}
+
+[[nodiscard]] inline std::int64_t target_bit()
+{
+    return HWY_TARGET;
+}
+
+/// The kernels for the flags of this translation unit.
+[[nodiscard]] inline const Kernels& highway_kernels()
+{
+    return *table();
+}
+
+} // namespace lineament::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#ifndef HWY_TARGET_INCLUDE // compiled once
+namespace lineament::kernels {
+using HWY_NAMESPACE::highway_kernels;
+}
+#endif
+
+#endif // once for each instruction set
+#endif // LINEAMENT_USE_HIGHWAY

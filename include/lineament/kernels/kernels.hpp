@@ -1,0 +1,72 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+namespace lineament::kernels {
+
+/// Numbers in one panel: 64 coordinates are 4 vectors of AVX-512, 8 of AVX2, 16 of SSE.
+inline constexpr int panel_size = 64;
+
+/// Row widths are multiples of this, so that rows hold whole vectors.
+inline constexpr int width_step = 16;
+
+[[nodiscard]] constexpr int round_up(int count, int step)
+{
+    return (count + step - 1) / step * step;
+}
+
+/// The hot loops of a fit, as pointers to one instruction set's code. Each set's code lies in a namespace of its own,
+/// so programs may hold several; which one a fitter uses is decided where it is made. Results differ between sets by
+/// rounding only.
+///
+/// Matrices are row-major; a *row* has `width` floats, a multiple of width_step, zero beyond those that mean something.
+/// Pointers to float data are aligned to 64 bytes. Nothing allocates, nothing throws.
+struct Kernels
+{
+    const char* name; ///< Of the instruction set, for reports.
+
+    /// out[64 p + c] = base[64 p + c] + sum_j coefficients[j] panels[(p num_columns + j) 64 + c]
+    /// for p < num_panels. `out` may be `base`.
+    void (*combine_panels)(const float* base, const float* panels, int num_panels, int num_columns,
+                           const float* coefficients, float* out);
+
+    /// The same of panels in 16-bit integers; the columns' scales are part of the coefficients.
+    void (*combine_panels_int16)(const float* base, const std::int16_t* panels, int num_panels, int num_columns,
+                                 const float* coefficients, float* out);
+
+    /// gram = sum of six matrices scales[g] grams[g width^2 ...], upper triangle (more may be written).
+    void (*combine_grams)(const float* grams, int width, const float* scales, float* gram);
+
+    /// Rows 2i and 2i + 1 of out = roots[i] J times the three rows of point indices[i], J 2 x 3.
+    void (*project_rows)(const float* point_rows, int width, const int* indices, int count, const float* jacobian,
+                         const float* roots, float* out);
+
+    /// out[3i + a] = the product of row a of point indices[i] with x, `width` numbers.
+    void (*multiply_rows)(const float* point_rows, int width, const int* indices, int count, const float* x,
+                          float* out);
+
+    /// gram += rows^T rows, upper triangle (more may be written).
+    void (*add_gram)(const float* rows, int num_rows, int width, float* gram);
+
+    /// sums[c] += sum_r factors[r] rows[r width + c]
+    void (*add_rows)(const float* rows, int num_rows, int width, const float* factors, float* sums);
+
+    /// Solves A x = b by Cholesky's method in place: A is n x n, its upper triangle in `system` (n rows of `width`), b
+    /// its column n < width. x has `width` entries, 0 beyond n. Returns the least pivot relative to A's diagonal: <= 0
+    /// or NaN where A is not positive definite to rounding, and then x is not set.
+    float (*solve_positive)(float* system, int n, int width, float* x);
+
+    /// Points in planar order (x, y, z of `step` floats each; `count` rounded up to width_step is read) turned:
+    /// out_a[i] = m[4a] x_i + m[4a + 1] y_i + m[4a + 2] z_i + m[4a + 3] for a = 0..2, in rows of `out_step`.
+    void (*transform_points)(const float* points, int step, int count, const float* m, float* out, int out_step);
+
+    /// Weighted sums of points: moments = sum w {1, x, y, z, u, v, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz}.
+    /// `points` holds six rows x, y, z, u, v, w of `stride` doubles, a multiple of 8, zero beyond the points.
+    void (*pose_moments)(const double* points, int stride, double* moments);
+};
+
+inline constexpr int num_pose_moments = 18;
+
+} // namespace lineament::kernels

@@ -1,0 +1,178 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/kernels/kernels.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+/// The readable twins of the vector kernels: plain loops, which the compiler may turn into vectors itself.
+namespace lineament::kernels::scalar {
+
+template <typename T>
+void combine_panels(const float* base, const T* panels, int num_panels, int num_columns, const float* coefficients,
+                    float* out)
+{
+    for (int p = 0; p < num_panels; ++p) {
+        float sums[panel_size];
+        std::copy_n(base + p * panel_size, panel_size, sums);
+        for (int j = 0; j < num_columns; ++j, panels += panel_size) {
+            for (int c = 0; c < panel_size; ++c) {
+                sums[c] += coefficients[j] * static_cast<float>(panels[c]);
+            }
+        }
+        std::copy_n(sums, panel_size, out + p * panel_size);
+    }
+}
+
+inline void combine_grams(const float* grams, int width, const float* scales, float* gram)
+{
+    const int size = width * width;
+    for (int i = 0; i < size; ++i) {
+        float sum = 0;
+        for (int g = 0; g < 6; ++g) {
+            sum += scales[g] * grams[g * size + i];
+        }
+        gram[i] = sum;
+    }
+}
+
+inline void project_rows(const float* point_rows, int width, const int* indices, int count, const float* jacobian,
+                         const float* roots, float* out)
+{
+    for (int i = 0; i < count; ++i) {
+        const float* rows = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
+        for (int axis = 0; axis < 2; ++axis, out += width) {
+            const float x = roots[i] * jacobian[3 * axis];
+            const float y = roots[i] * jacobian[3 * axis + 1];
+            const float z = roots[i] * jacobian[3 * axis + 2];
+            for (int c = 0; c < width; ++c) {
+                out[c] = x * rows[c] + y * rows[width + c] + z * rows[2 * width + c];
+            }
+        }
+    }
+}
+
+inline void multiply_rows(const float* point_rows, int width, const int* indices, int count, const float* x, float* out)
+{
+    for (int i = 0; i < count; ++i) {
+        const float* row = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
+        for (int axis = 0; axis < 3; ++axis, row += width) {
+            float sum = 0;
+            for (int c = 0; c < width; ++c) {
+                sum += row[c] * x[c];
+            }
+            out[3 * i + axis] = sum;
+        }
+    }
+}
+
+inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+{
+    for (int i = 0; i < width; ++i) {
+        for (int r = 0; r < num_rows; ++r) {
+            const float* row = rows + r * width;
+            for (int c = i; c < width; ++c) {
+                gram[i * width + c] += row[i] * row[c];
+            }
+        }
+    }
+}
+
+inline void add_rows(const float* rows, int num_rows, int width, const float* factors, float* sums)
+{
+    for (int r = 0; r < num_rows; ++r) {
+        for (int c = 0; c < width; ++c) {
+            sums[c] += factors[r] * rows[r * width + c];
+        }
+    }
+}
+
+inline float solve_positive(float* system, int n, int width, float* x)
+{
+    float least = 1;
+    for (int i = 0; i < n; ++i) { // rows of U, A = U^T U; column n becomes U^-T b
+        float* row = system + i * width;
+        const float diagonal = row[i];
+        for (int k = 0; k < i; ++k) {
+            const float* above = system + k * width;
+            const float factor = above[i];
+            for (int c = i; c <= n; ++c) {
+                row[c] -= factor * above[c];
+            }
+        }
+        if (!(row[i] > 0)) {
+            return 0;
+        }
+        least = std::min(least, row[i] / diagonal);
+        const float inverse = 1 / std::sqrt(row[i]);
+        for (int c = i; c <= n; ++c) {
+            row[c] *= inverse;
+        }
+    }
+    std::fill_n(x, width, 0.0f);
+    for (int i = n - 1; i >= 0; --i) {
+        const float* row = system + i * width;
+        float sum = row[n];
+        for (int c = i + 1; c < n; ++c) {
+            sum -= row[c] * x[c];
+        }
+        x[i] = sum / row[i];
+    }
+    return least;
+}
+
+inline void transform_points(const float* points, int step, int count, const float* m, float* out, int out_step)
+{
+    const float* y = points + step;
+    const float* z = points + 2 * step;
+    for (int a = 0; a < 3; ++a, m += 4, out += out_step) {
+        for (int i = 0; i < count; ++i) {
+            out[i] = m[0] * points[i] + m[1] * y[i] + m[2] * z[i] + m[3];
+        }
+    }
+}
+
+inline void pose_moments(const double* points, int stride, double* moments)
+{
+    std::fill_n(moments, num_pose_moments, 0.0);
+    for (int i = 0; i < stride; ++i) {
+        const double x = points[i];
+        const double y = points[stride + i];
+        const double z = points[2 * stride + i];
+        const double w = points[5 * stride + i];
+        const double u = w * points[3 * stride + i];
+        const double v = w * points[4 * stride + i];
+        const double terms[num_pose_moments] = {w,         w * x,     w * y,     w * z,     u,         v,
+                                                w * x * x, w * x * y, w * x * z, w * y * y, w * y * z, w * z * z,
+                                                u * x,     u * y,     u * z,     v * x,     v * y,     v * z};
+        for (int t = 0; t < num_pose_moments; ++t) {
+            moments[t] += terms[t];
+        }
+    }
+}
+
+} // namespace lineament::kernels::scalar
+
+namespace lineament::kernels {
+
+/// Kernels in plain C++, for any machine.
+[[nodiscard]] inline const Kernels& scalar_kernels()
+{
+    static constexpr Kernels table = {"scalar",
+                                      scalar::combine_panels<float>,
+                                      scalar::combine_panels<std::int16_t>,
+                                      scalar::combine_grams,
+                                      scalar::project_rows,
+                                      scalar::multiply_rows,
+                                      scalar::add_gram,
+                                      scalar::add_rows,
+                                      scalar::solve_positive,
+                                      scalar::transform_points,
+                                      scalar::pose_moments};
+    return table;
+}
+
+} // namespace lineament::kernels

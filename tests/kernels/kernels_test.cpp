@@ -1,0 +1,235 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Every kernel of every instruction set this machine has, against Eigen in double precision.
+#include "lineament/core/random.hpp"
+#include "lineament/kernels/aligned_buffer.hpp"
+#include "lineament/kernels/dispatched_kernels.hpp"
+#include "lineament/kernels/scalar_kernels.hpp"
+
+#include "support/matchers.hpp"
+
+#include <Eigen/Cholesky>
+
+#include <cstdint>
+
+namespace lineament::kernels {
+namespace {
+
+using test::max_difference;
+using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+AlignedBuffer<float> random_floats(Random& random, std::size_t size)
+{
+    AlignedBuffer<float> values(size);
+    for (std::size_t i = 0; i < size; ++i) {
+        values[i] = static_cast<float>(random.normal());
+    }
+    return values;
+}
+
+Eigen::MatrixXd matrix_of(const AlignedBuffer<float>& values, Eigen::Index rows, Eigen::Index columns)
+{
+    return Eigen::Map<const RowMajor>(values.data(), rows, columns).cast<double>();
+}
+
+double upper_difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b)
+{
+    return max_difference(Eigen::MatrixXd(a.triangularView<Eigen::Upper>()),
+                          Eigen::MatrixXd(b.triangularView<Eigen::Upper>()));
+}
+
+class KernelsTest : public ::testing::TestWithParam<const Kernels*>
+{
+protected:
+    const Kernels& kernels = *GetParam();
+    Random random{91};
+};
+
+INSTANTIATE_TEST_SUITE_P(Sets, KernelsTest, ::testing::ValuesIn(supported_kernels()),
+                         [](const auto& set) { return std::string(set.param->name); });
+
+TEST_P(KernelsTest, CombinesPanels)
+{
+    const int num_panels = 3;
+    const int num_columns = 7;
+    const AlignedBuffer<float> base = random_floats(random, num_panels * panel_size);
+    const AlignedBuffer<float> panels = random_floats(random, num_panels * num_columns * panel_size);
+    const AlignedBuffer<float> factors = random_floats(random, num_columns);
+    AlignedBuffer<std::int16_t> short_panels(panels.size());
+    for (std::size_t i = 0; i < panels.size(); ++i) {
+        short_panels[i] = static_cast<std::int16_t>(random.uniform(-32767, 32767));
+    }
+    AlignedBuffer<float> out(num_panels * panel_size);
+    AlignedBuffer<float> short_out(num_panels * panel_size);
+    kernels.combine_panels(base.data(), panels.data(), num_panels, num_columns, factors.data(), out.data());
+    kernels.combine_panels_int16(base.data(), short_panels.data(), num_panels, num_columns, factors.data(),
+                                 short_out.data());
+    for (int p = 0; p < num_panels; ++p) {
+        for (int c = 0; c < panel_size; ++c) {
+            double sum = base[p * panel_size + c];
+            double short_sum = sum;
+            for (int j = 0; j < num_columns; ++j) {
+                sum += static_cast<double>(factors[j]) * panels[(p * num_columns + j) * panel_size + c];
+                short_sum += static_cast<double>(factors[j]) * short_panels[(p * num_columns + j) * panel_size + c];
+            }
+            ASSERT_NEAR(out[p * panel_size + c], sum, 1e-5);
+            ASSERT_NEAR(short_out[p * panel_size + c], short_sum, 1e-6 * 32767 * num_columns);
+        }
+    }
+    kernels.combine_panels(out.data(), panels.data(), num_panels, 0, factors.data(), short_out.data());
+    EXPECT_EQ(matrix_of(out, 1, num_panels * panel_size), matrix_of(short_out, 1, num_panels * panel_size));
+}
+
+TEST_P(KernelsTest, CombinesGramMatrices)
+{
+    for (const int width : {16, 48, 64}) {
+        const AlignedBuffer<float> grams = random_floats(random, 6 * width * width);
+        const AlignedBuffer<float> scales = random_floats(random, 6);
+        AlignedBuffer<float> gram(width * width);
+        kernels.combine_grams(grams.data(), width, scales.data(), gram.data());
+        Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(width, width);
+        for (int g = 0; g < 6; ++g) {
+            expected +=
+                scales[g] * Eigen::Map<const RowMajor>(grams.data() + g * width * width, width, width).cast<double>();
+        }
+        EXPECT_LE(upper_difference(matrix_of(gram, width, width), expected), 1e-5) << width;
+    }
+}
+
+TEST_P(KernelsTest, ProjectsAndMultipliesRows)
+{
+    for (const int width : {16, 48, 64}) {
+        const int num_points = 9;
+        const AlignedBuffer<float> rows = random_floats(random, 3 * num_points * width);
+        const AlignedBuffer<float> jacobian = random_floats(random, 6);
+        const std::vector<int> indices = {8, 0, 3, 3};
+        const std::vector<float> roots = {0.5f, 2.0f, 0.0f, 1.0f};
+        AlignedBuffer<float> out(2 * indices.size() * width);
+        kernels.project_rows(rows.data(), width, indices.data(), 4, jacobian.data(), roots.data(), out.data());
+        const Eigen::MatrixXd j = matrix_of(jacobian, 2, 3);
+        for (int i = 0; i < 4; ++i) {
+            const Eigen::MatrixXd expected =
+                roots[i] * j * matrix_of(rows, 3 * num_points, width).middleRows(3 * indices[i], 3);
+            EXPECT_LE(max_difference(matrix_of(out, 8, width).middleRows(2 * i, 2), expected), 1e-5);
+        }
+        const AlignedBuffer<float> x = random_floats(random, width);
+        kernels.multiply_rows(rows.data(), width, indices.data(), 4, x.data(), out.data());
+        for (int i = 0; i < 4; ++i) {
+            const Eigen::MatrixXd expected =
+                matrix_of(x, 1, width) *
+                matrix_of(rows, 3 * num_points, width).middleRows(3 * indices[i], 3).transpose();
+            EXPECT_LE(max_difference(matrix_of(out, 1, 12).middleCols(3 * i, 3), expected), 2e-5);
+        }
+    }
+}
+
+TEST_P(KernelsTest, AddsGramMatrixAndRows)
+{
+    for (const int width : {16, 32, 48, 64, 80}) {
+        for (const int num_rows : {0, 1, 6, 33}) {
+            const AlignedBuffer<float> rows = random_floats(random, num_rows * width);
+            const AlignedBuffer<float> factors = random_floats(random, num_rows);
+            AlignedBuffer<float> gram = random_floats(random, width * width);
+            AlignedBuffer<float> sums = random_floats(random, width);
+            const Eigen::MatrixXd r = matrix_of(rows, num_rows, width);
+            const Eigen::MatrixXd expected_gram = matrix_of(gram, width, width) + r.transpose() * r;
+            const Eigen::MatrixXd expected_sums = matrix_of(sums, 1, width) + matrix_of(factors, 1, num_rows) * r;
+            kernels.add_gram(rows.data(), num_rows, width, gram.data());
+            kernels.add_rows(rows.data(), num_rows, width, factors.data(), sums.data());
+            EXPECT_LE(upper_difference(matrix_of(gram, width, width), expected_gram), 1e-4) << width << " " << num_rows;
+            EXPECT_LE(max_difference(matrix_of(sums, 1, width), expected_sums), 1e-4) << width << " " << num_rows;
+        }
+    }
+}
+
+TEST_P(KernelsTest, SolvesPositiveDefiniteSystems)
+{
+    for (const int n : {0, 1, 3, 4, 5, 16, 30, 47, 60, 63, 64}) {
+        const int width = round_up(n + 1, width_step);
+        const AlignedBuffer<float> factor = random_floats(random, (n + 5) * n);
+        const Eigen::MatrixXd f = matrix_of(factor, n + 5, n);
+        const Eigen::MatrixXd a = f.transpose() * f + Eigen::MatrixXd::Identity(n, n);
+        AlignedBuffer<float> system(width * width);
+        Eigen::Map<RowMajor> view(system.data(), width, width);
+        view.topLeftCorner(n, n) = a.cast<float>();
+        view.topLeftCorner(n, n).triangularView<Eigen::StrictlyLower>().setConstant(77.0f); // not to be read
+        Eigen::VectorXd b(n);
+        for (int i = 0; i < n; ++i) {
+            b[i] = random.normal();
+            view(i, n) = static_cast<float>(b[i]);
+        }
+        AlignedBuffer<float> x(width);
+        x[width - 1] = 5; // to be set to 0
+        const float pivot = kernels.solve_positive(system.data(), n, width, x.data());
+        EXPECT_GT(pivot, 0.0f) << n;
+        EXPECT_LE(pivot, 1.0f) << n;
+        const Eigen::VectorXd expected = a.llt().solve(b);
+        const Eigen::MatrixXd got = matrix_of(x, 1, width);
+        EXPECT_LE(max_difference(got.leftCols(n).transpose(), expected), 1e-4 * (1 + expected.norm())) << n;
+        EXPECT_EQ(got.rightCols(width - n).norm(), 0.0) << n;
+    }
+}
+
+TEST_P(KernelsTest, RefusesIndefiniteSystems)
+{
+    for (const double last : {-1.0, 0.0, std::nan("")}) {
+        AlignedBuffer<float> system(16 * 16);
+        for (int i = 0; i < 6; ++i) {
+            system[17 * i] = i == 5 ? static_cast<float>(last) : 1.0f;
+        }
+        AlignedBuffer<float> x(16);
+        EXPECT_FALSE(kernels.solve_positive(system.data(), 6, 16, x.data()) > 0) << last;
+    }
+    AlignedBuffer<float> system(16 * 16); // [1 1; 1 1 + 1e-4]: what is left of the second pivot is told
+    system[0] = system[1] = 1;
+    system[17] = 1.0001f;
+    AlignedBuffer<float> x(16);
+    EXPECT_NEAR(kernels.solve_positive(system.data(), 2, 16, x.data()), 1e-4, 1e-5);
+}
+
+TEST_P(KernelsTest, TransformsPoints)
+{
+    const int step = 64;
+    const int count = 37;
+    const AlignedBuffer<float> points = random_floats(random, 3 * step);
+    const AlignedBuffer<float> m = random_floats(random, 12);
+    AlignedBuffer<float> out(3 * 48);
+    kernels.transform_points(points.data(), step, count, m.data(), out.data(), 48);
+    const Eigen::MatrixXd transform = matrix_of(m, 3, 4);
+    const Eigen::MatrixXd expected = (transform.leftCols(3) * matrix_of(points, 3, step)).colwise() + transform.col(3);
+    EXPECT_LE(max_difference(matrix_of(out, 3, 48).leftCols(count), expected.leftCols(count)), 1e-5);
+}
+
+TEST_P(KernelsTest, SumsPoseMoments)
+{
+    const int stride = 72;
+    AlignedBuffer<double> points(6 * stride);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        points[i] = random.normal();
+    }
+    double moments[num_pose_moments];
+    double expected[num_pose_moments];
+    kernels.pose_moments(points.data(), stride, moments);
+    scalar::pose_moments(points.data(), stride, expected);
+    const Eigen::Map<const Eigen::Matrix<double, 6, stride, Eigen::RowMajor>> p(points.data());
+    const Eigen::Matrix3d model = p.topRows<3>() * p.row(5).asDiagonal() * p.topRows<3>().transpose();
+    const Eigen::Matrix<double, 2, 3> cross = p.middleRows<2>(3) * p.row(5).asDiagonal() * p.topRows<3>().transpose();
+    EXPECT_NEAR(moments[0], p.row(5).sum(), 1e-12);
+    EXPECT_NEAR(moments[8], model(0, 2), 1e-12);
+    EXPECT_NEAR(moments[13], cross(0, 1), 1e-12);
+    EXPECT_NEAR(moments[17], cross(1, 2), 1e-12);
+    for (int t = 0; t < num_pose_moments; ++t) {
+        EXPECT_NEAR(moments[t], expected[t], 1e-12) << t;
+    }
+}
+
+TEST(DispatchedKernels, AreAmongThoseSupported)
+{
+    const std::vector<const Kernels*> supported = supported_kernels();
+    EXPECT_NE(std::find(supported.begin(), supported.end(), &dispatched_kernels()), supported.end());
+    EXPECT_NE(std::find(supported.begin(), supported.end(), &scalar_kernels()), supported.end());
+}
+
+} // namespace
+} // namespace lineament::kernels
