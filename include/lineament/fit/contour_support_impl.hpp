@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -38,6 +39,12 @@ namespace lineament::detail {
         points.col(static_cast<Eigen::Index>(i)) = camera.project(vertex);
     }
     return points;
+}
+
+inline void sort_unique(std::vector<int>& values)
+{
+    std::sort(values.begin(), values.end());
+    values.erase(std::unique(values.begin(), values.end()), values.end());
 }
 
 } // namespace lineament::detail

@@ -4,6 +4,7 @@
 // What RealtimeFitter packs of a model, and the buffers it works in.                                  docs/realtime.md
 #pragma once
 
+#include "lineament/fit/contour_support_impl.hpp"
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/kernels/aligned_buffer.hpp"
 #include "lineament/kernels/kernels.hpp"

@@ -4,6 +4,7 @@
 
 #include "lineament/fit/contour.hpp"
 
+#include "lineament/fit/contour_support_impl.hpp"
 #include "lineament/fit/depth_buffer_impl.hpp"
 #include "lineament/fit/inline.hpp"
 
@@ -14,16 +15,6 @@
 #include <vector>
 
 namespace lineament {
-
-namespace detail {
-
-inline void sort_unique(std::vector<int>& values)
-{
-    std::sort(values.begin(), values.end());
-    values.erase(std::unique(values.begin(), values.end()), values.end());
-}
-
-} // namespace detail
 
 LINEAMENT_FIT_INLINE ContourModel::ContourModel(const MorphableModel& model) : num_vertices_(model.num_vertices())
 {
