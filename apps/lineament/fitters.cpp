@@ -7,10 +7,14 @@
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/multi_frame.hpp"
+#include "lineament/fit/realtime_fitter.hpp"
+#include "lineament/kernels/dispatched_kernels.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
 #include <map>
+#include <optional>
 #include <string>
+#include <utility>
 
 namespace lineament::cli {
 
@@ -49,21 +53,12 @@ JointOptions joint_options(const ModelOptions& options)
     return fit;
 }
 
-/// The result with the expressions named that are as uncertain after the fit as before it.
-Fitted with_evidence(const JointFitResult& joint, double prior_sigma)
+Fitted with_evidence(const JointFitResult& joint)
 {
-    constexpr double hardly_less = 0.9;
-    Fitted fitted;
-    fitted.result = joint.fit;
+    Fitted fitted{joint.fit, {}, joint.unobservable_expressions};
     const Eigen::Index num_shape = joint.fit.shape_coefficients.size();
-    if (joint.covariance.rows() >= num_shape && num_shape > 0) {
-        const Eigen::VectorXd deviations = joint.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-        fitted.shape_standard_deviations = deviations.head(num_shape);
-        for (Eigen::Index k = 0; num_shape + k < deviations.size(); ++k) {
-            if (deviations[num_shape + k] > hardly_less * prior_sigma) {
-                fitted.unobservable_expressions.push_back(joint.fit.expression_names[static_cast<std::size_t>(k)]);
-            }
-        }
+    if (joint.covariance.rows() >= num_shape) {
+        fitted.shape_standard_deviations = joint.covariance.diagonal().head(num_shape).cwiseMax(0.0).cwiseSqrt();
     }
     return fitted;
 }
@@ -87,14 +82,53 @@ void move_to(FitResult& fit, const Eigen::Vector2d& principal_point_px)
 
 } // namespace
 
+namespace {
+
+/// The thesis's fit of the frames of a video, one after the other.
+struct FrameFitter
+{
+    RealtimeFitter fitter;
+    RealtimeWorkspace workspace;
+    FitResult result = {};
+    std::optional<FrozenIdentity> identity = std::nullopt; ///< The last one asked for.
+
+    explicit FrameFitter(RealtimeFitter prepared) : fitter(std::move(prepared)), workspace(fitter.make_workspace()) {}
+
+    const FrozenIdentity& frozen(const Eigen::VectorXd& shape_coefficients)
+    {
+        if (!identity || identity->shape_coefficients() != shape_coefficients) {
+            identity = fitter.freeze(shape_coefficients);
+        }
+        return *identity;
+    }
+};
+
+} // namespace
+
 struct Fitters::Implementation
 {
     const MorphableModel* model;
     ModelOptions options;
     std::map<std::string, FaceFitter> thesis_fitters = {};
     std::map<std::string, JointFitter> joint_fitters = {};
+    std::map<std::string, FrameFitter> frame_fitters = {};
 
     [[nodiscard]] bool is_joint() const { return options.method == "joint"; }
+
+    /// nullptr for what it does not do: a perspective camera.
+    FrameFitter* frame_fitter(const std::string& scheme)
+    {
+        const FitOptions fit = thesis_options(options);
+        if (fit.focal_length_px) {
+            return nullptr;
+        }
+        auto known = frame_fitters.find(scheme);
+        if (known == frame_fitters.end()) {
+            RealtimeFitter fitter(*model, scheme, fit, kernels::dispatched_kernels());
+            known = frame_fitters.emplace(scheme, FrameFitter(std::move(fitter))).first;
+        }
+        return &known->second;
+    }
 
     const FaceFitter& thesis(const std::string& scheme)
     {
@@ -145,8 +179,7 @@ LandmarkSet Fitters::in_scheme_of_model(LandmarkSet landmarks) const
 Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
 {
     if (implementation_->is_joint()) {
-        const JointFitter& fitter = implementation_->joint(landmarks.scheme);
-        return with_evidence(fitter.fit(landmarks, principal_point_px), fitter.options().expression_sigma);
+        return with_evidence(implementation_->joint(landmarks.scheme).fit(landmarks, principal_point_px));
     }
     return {implementation_->thesis(landmarks.scheme).fit(landmarks, principal_point_px), {}, {}};
 }
@@ -162,7 +195,7 @@ std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
     if (implementation_->is_joint()) {
         const JointFitter& fitter = implementation_->joint(pictures.front().scheme);
         for (const JointFitResult& frame : fitter.fit_frames(pictures, origin).frames) {
-            fitted.push_back(with_evidence(frame, fitter.options().expression_sigma));
+            fitted.push_back(with_evidence(frame));
         }
     } else {
         for (const FitResult& frame :
@@ -176,9 +209,24 @@ std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
     return fitted;
 }
 
+FitResult Fitters::fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
+{
+    FrameFitter* const frames = implementation_->is_joint() ? nullptr : implementation_->frame_fitter(landmarks.scheme);
+    if (frames == nullptr) {
+        return fit(landmarks, principal_point_px).result;
+    }
+    frames->fitter.fit(landmarks, principal_point_px, frames->workspace, frames->result);
+    return frames->result;
+}
+
 FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
                                            const Eigen::VectorXd& shape_coefficients, const FitResult* start)
 {
+    if (FrameFitter* const frames = implementation_->frame_fitter(landmarks.scheme)) {
+        frames->fitter.fit_pose_and_expression(landmarks, principal_point_px, frames->frozen(shape_coefficients),
+                                               frames->workspace, frames->result, start);
+        return frames->result;
+    }
     return implementation_->thesis(landmarks.scheme)
         .fit_pose_and_expression(landmarks, principal_point_px, shape_coefficients, start);
 }

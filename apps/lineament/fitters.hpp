@@ -44,6 +44,11 @@ public:
     [[nodiscard]] std::vector<Fitted> fit_same_person(std::vector<LandmarkSet> pictures,
                                                       const std::vector<Eigen::Vector2d>& principal_points_px);
 
+    /// As fit, of one of many frames: in real time where the method and the camera allow it, without the times of
+    /// parts.
+    [[nodiscard]] FitResult fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px);
+
+    /// Pose and expression of one of many frames; by the thesis's method, whatever the method of the identity.
     /// @param start  The result of the frame before, or nullptr.
     [[nodiscard]] FitResult fit_pose_and_expression(const LandmarkSet& landmarks,
                                                     const Eigen::Vector2d& principal_point_px,

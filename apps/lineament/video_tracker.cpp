@@ -142,7 +142,7 @@ std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoIn
             for (Eigen::Index i = 0; i < now.points_px.cols(); ++i) {
                 now.points_px.col(i) = landmarks_.landmarks[static_cast<std::size_t>(i)].point_px.cast<float>();
             }
-            now.fit = fitters_.fit(landmarks_, principal_point).result;
+            now.fit = fitters_.fit_frame(landmarks_, principal_point);
             now.fit.landmarks = {};
         }
         seen.push_back(std::move(now));

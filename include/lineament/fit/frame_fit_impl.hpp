@@ -7,6 +7,7 @@
 
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/expression.hpp"
+#include "lineament/fit/landmark_use_impl.hpp"
 #include "lineament/fit/pose.hpp"
 
 #include <algorithm>
@@ -70,9 +71,7 @@ private:
 
     const FaceFitter& fitter_;
     const LandmarkSet& landmarks_;
-    std::vector<int> map_indices_ = {}; ///< Per landmark: its position in the map, or -1.
-    std::vector<int> fixed_ = {};       ///< Landmarks tied to their map point.
-    bool has_outline_ = false;
+    LandmarkUse use_ = {};
     bool has_scale_ = false;
     ContourView view_ = ContourView::frontal;
     Eigen::Matrix3Xf shape_vertices_ = {};
@@ -96,7 +95,7 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
 {
     const char* const function = "FaceFitter::fit";
     require_finite(principal_point_px, function, "principal_point_px");
-    require(landmarks.scheme == fitter.scheme(), function, "landmarks.scheme", fitter.scheme(), landmarks.scheme);
+    use_ = use_of_landmarks(fitter, landmarks, function);
     camera_.principal_point_px = principal_point_px;
     const Blendshapes* expressions = fitter.expressions();
     expression_coefficients_ = Eigen::VectorXd::Zero(expressions ? expressions->num_coefficients() : 0);
@@ -106,28 +105,7 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
         require_finite(start->expression_coefficients, function, "start->expression_coefficients");
         expression_coefficients_ = start->expression_coefficients;
     }
-    const LandmarkMap& map = fitter.landmark_map();
-    const Eigen::VectorXf* noise_mm = fitter.landmark_noise_mm();
-    for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
-        const Landmark& landmark = landmarks.landmarks[l];
-        const std::string place = "landmark \"" + landmark.name + "\"";
-        require_finite(landmark.point_px, function, place.c_str());
-        require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
-                "0 to 1", to_text(landmark.confidence));
-        const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
-        map_indices_.push_back(is_in_order ? static_cast<int>(l) : map.index_of(landmark.name));
-        if (map_indices_.back() < 0 || landmark.confidence == 0 ||
-            (noise_mm != nullptr && std::isinf((*noise_mm)[map_indices_.back()]))) {
-            continue;
-        }
-        const bool is_outline = fitter.scheme() == "ibug68" && outline_side(landmark.name).has_value();
-        if (!is_outline || fitter.options().contour == ContourMode::fixed) {
-            fixed_.push_back(static_cast<int>(l));
-        } else if (fitter.contour()) {
-            has_outline_ = true;
-        }
-    }
-    if (has_outline_) {
+    if (!use_.outline.empty()) {
         shape_vertices_.resize(3, fitter.model().num_vertices());
     }
     set_points({});
@@ -137,7 +115,7 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
 inline void FrameFit::set_points(const std::vector<ContourMatch>& matches)
 {
     const FitOptions& options = fitter_.options();
-    const Eigen::Index num_fixed = static_cast<Eigen::Index>(fixed_.size());
+    const Eigen::Index num_fixed = static_cast<Eigen::Index>(use_.fixed.size());
     const Eigen::Index count = num_fixed + static_cast<Eigen::Index>(matches.size());
     if (points_.num_points() != count) {
         points_ = ModelPoints::sized(count, fitter_.num_shape_coefficients(), expression_coefficients_.size());
@@ -146,17 +124,16 @@ inline void FrameFit::set_points(const std::vector<ContourMatch>& matches)
     }
     if (used_.empty()) {
         for (Eigen::Index i = 0; i < num_fixed; ++i) {
-            points_.assign(i, fitter_.landmark_points(), map_indices_[fixed_[i]]);
-            image_points_.col(i) = landmarks_.landmarks[fixed_[i]].point_px;
+            points_.assign(i, fitter_.landmark_points(), use_.map_indices[use_.fixed[i]]);
+            image_points_.col(i) = landmarks_.landmarks[use_.fixed[i]].point_px;
         }
     }
     used_.clear();
     const Eigen::VectorXf* noise_mm = fitter_.landmark_noise_mm();
-    for (const int landmark : fixed_) {
-        const bool is_outline =
-            fitter_.scheme() == "ibug68" && outline_side(landmarks_.landmarks[landmark].name).has_value();
+    for (const int landmark : use_.fixed) {
+        const bool is_outline = is_outline_landmark(fitter_, landmarks_.landmarks[landmark]);
         const double sigma_mm = is_outline ? options.contour_sigma_mm : options.landmark_sigma_mm;
-        used_.push_back({landmark, noise_mm != nullptr ? (*noise_mm)[map_indices_[landmark]] : sigma_mm});
+        used_.push_back({landmark, noise_mm != nullptr ? (*noise_mm)[use_.map_indices[landmark]] : sigma_mm});
     }
     for (std::size_t m = 0; m < matches.size(); ++m) {
         const Eigen::Index i = num_fixed + static_cast<Eigen::Index>(m);
@@ -180,7 +157,7 @@ inline void FrameFit::set_weights()
 inline void FrameFit::match_contour(const Eigen::VectorXd& shape_coefficients)
 {
     const Stopwatch stopwatch(timing_.contour_us);
-    if (has_outline_) {
+    if (!use_.outline.empty()) {
         ContourOptions options = fitter_.options().contour_matching;
         if (fitter_.options().contour == ContourMode::front_facing) {
             options.occluding_match = OccludingMatch::none;
@@ -280,7 +257,7 @@ inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int
     for (std::size_t l = 0; l < landmarks_.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks_.landmarks[l];
         const Eigen::Vector2d fitted =
-            map_indices_[l] >= 0 ? Eigen::Vector2d(map_points.col(map_indices_[l])) : landmark.point_px;
+            use_.map_indices[l] >= 0 ? Eigen::Vector2d(map_points.col(use_.map_indices[l])) : landmark.point_px;
         result.landmarks.push_back({landmark.name, landmark.point_px, fitted, 0.0});
     }
     if (!is_fitted || used_.empty()) {

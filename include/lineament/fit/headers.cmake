@@ -31,6 +31,7 @@ set(definitions
     joint_image_impl.hpp
     joint_problem_impl.hpp
     joint_solver_impl.hpp
+    landmark_use_impl.hpp
     multi_frame_impl.hpp
     perspective_pose_impl.hpp
     pose_impl.hpp

@@ -174,6 +174,22 @@ inline void JointFit::run()
     return covariance;
 }
 
+/// Standard deviations of the unknowns begin ... begin + count, each as if it were free: with C the covariance of the
+/// free ones, 1 / (H_kk - H_kF C H_Fk) is the variance of one that is held.
+[[nodiscard]] inline Eigen::VectorXd released_deviations(const JointSystem& system, const Eigen::MatrixXd& covariance,
+                                                         Eigen::Index begin, Eigen::Index count)
+{
+    Eigen::VectorXd deviations(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const Eigen::Index k = begin + i;
+        const bool is_free = covariance(k, k) > 0;
+        const Eigen::VectorXd coupling = system.hessian.col(k);
+        deviations[i] =
+            std::sqrt(is_free ? covariance(k, k) : 1 / (system.hessian(k, k) - coupling.dot(covariance * coupling)));
+    }
+    return deviations;
+}
+
 inline FitResult JointFit::unfitted_result(const Image& image) const
 {
     FitResult result;
@@ -278,7 +294,8 @@ inline JointFramesResult JointFit::result() const
     if (state_.bias.size() > 0) {
         result.landmark_bias_mm = state_.bias;
     }
-    const Eigen::MatrixXd covariance = covariance_of(problem_, state_, problem_.linearize(state_));
+    const JointSystem system = problem_.linearize(state_);
+    const Eigen::MatrixXd covariance = covariance_of(problem_, state_, system);
     const Eigen::Index num_shape = problem_.num_shape();
     const Eigen::Index num_expressions = problem_.num_own() - 6;
     result.shape_covariance = covariance.topLeftCorner(num_shape, num_shape);
@@ -292,6 +309,12 @@ inline JointFramesResult JointFit::result() const
         frame.covariance << result.shape_covariance, covariance.block(0, begin, num_shape, num_expressions),
             covariance.block(begin, 0, num_expressions, num_shape),
             covariance.block(begin, begin, num_expressions, num_expressions);
+        frame.expression_deviations = released_deviations(system, covariance, begin, num_expressions);
+        for (Eigen::Index k = 0; k < num_expressions; ++k) {
+            if (frame.expression_deviations[k] > 0.9 * options_.expression_sigma) {
+                frame.unobservable_expressions.push_back(frame.fit.expression_names[static_cast<std::size_t>(k)]);
+            }
+        }
         frame.matched_scale_px_per_mm = matched_scales_[f];
         frame.scale_strength = problem_.images[f].scale_strength;
         frame.energies = progress_.energies;

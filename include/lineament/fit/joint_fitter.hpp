@@ -65,6 +65,12 @@ struct JointFitResult
     /// expressions at a bound are 0. Empty without a usable pose.
     Eigen::MatrixXd covariance = {};
 
+    /// k, standard deviations of the expression coefficients as if none were held at its bound: what the landmarks say
+    /// of each, against options.expression_sigma before. Empty without a usable pose.
+    Eigen::VectorXd expression_deviations = {};
+    /// Names of the expressions the landmarks tell next to nothing of: their deviation is above 0.9 of the prior's.
+    std::vector<std::string> unobservable_expressions = {};
+
     double matched_scale_px_per_mm = 1.0; ///< s_0 of the last round: turned mm of noise into px.
     double scale_strength = 0.0;          ///< n_f of the scale term.
     std::vector<EnergyStep> energies = {};

@@ -7,6 +7,7 @@
 
 #include "lineament/fit/contour_support_impl.hpp"
 #include "lineament/fit/joint_problem_impl.hpp"
+#include "lineament/fit/landmark_use_impl.hpp"
 
 #include <algorithm>
 #include <optional>
@@ -116,7 +117,7 @@ public:
     JointImageMatcher(const FaceFitter& base, const JointOptions& options, const LandmarkSet& landmarks,
                       std::span<const Eigen::Matrix2d> covariances_px);
 
-    [[nodiscard]] const std::vector<int>& map_indices() const { return map_indices_; }
+    [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
 
     /// Points and weights for a camera and shape; `noise` says how mm become px and what images have in common.
     void match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
@@ -133,16 +134,14 @@ private:
                                                 const NoiseSharing& noise, bool has_bias) const;
     [[nodiscard]] bool is_outline(int landmark_index) const
     {
-        return base_.scheme() == "ibug68" && outline_side(landmarks_.landmarks[landmark_index].name).has_value();
+        return is_outline_landmark(base_, landmarks_.landmarks[landmark_index]);
     }
 
     const FaceFitter& base_;
     const JointOptions& options_;
     const LandmarkSet& landmarks_;
     std::span<const Eigen::Matrix2d> covariances_px_;
-    std::vector<int> map_indices_ = {}; ///< Per landmark: its position in the map, or -1.
-    std::vector<int> fixed_ = {};       ///< Landmarks tied to their map point.
-    std::vector<int> outline_ = {};     ///< Landmarks to re-match.
+    LandmarkUse use_ = {};
     ContourView view_ = ContourView::frontal;
     Eigen::Matrix3Xf shape_vertices_ = {};
 };
@@ -161,34 +160,14 @@ inline JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointO
     : base_(base), options_(options), landmarks_(landmarks), covariances_px_(covariances_px)
 {
     const char* const function = "JointFitter::fit";
-    require(landmarks.scheme == base.scheme(), function, "landmarks.scheme", base.scheme(), landmarks.scheme);
+    use_ = use_of_landmarks(base, landmarks, function);
     require(covariances_px.empty() || covariances_px.size() == landmarks.landmarks.size(), function, "covariances_px",
             "none, or one for each landmark", std::to_string(covariances_px.size()));
-    const LandmarkMap& map = base.landmark_map();
-    const Eigen::VectorXf* noise_mm = base.landmark_noise_mm();
-    for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
-        const Landmark& landmark = landmarks.landmarks[l];
-        const std::string place = "landmark \"" + landmark.name + "\"";
-        require_finite(landmark.point_px, function, place.c_str());
-        require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
-                "0 to 1", to_text(landmark.confidence));
-        if (!covariances_px.empty()) {
-            require_covariance(covariances_px[l], function, place + ".covariance_px");
-        }
-        const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
-        map_indices_.push_back(is_in_order ? static_cast<int>(l) : map.index_of(landmark.name));
-        const bool is_known = map_indices_.back() >= 0;
-        if (!is_known || landmark.confidence == 0 ||
-            (noise_mm != nullptr && std::isinf((*noise_mm)[map_indices_.back()]))) {
-            continue;
-        }
-        if (!is_outline(static_cast<int>(l)) || options.contour == ContourMode::fixed) {
-            fixed_.push_back(static_cast<int>(l));
-        } else if (base.contour()) {
-            outline_.push_back(static_cast<int>(l));
-        }
+    for (std::size_t l = 0; l < covariances_px.size(); ++l) {
+        require_covariance(covariances_px[l], function,
+                           "landmark \"" + landmarks.landmarks[l].name + "\".covariance_px");
     }
-    if (!outline_.empty()) {
+    if (!use_.outline.empty()) {
         shape_vertices_.resize(3, base.model().num_vertices());
     }
 }
@@ -221,13 +200,13 @@ inline Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, doub
 inline JointImage JointImageMatcher::fixed_image() const
 {
     JointImage image;
-    const Eigen::Index count = static_cast<Eigen::Index>(fixed_.size());
+    const Eigen::Index count = static_cast<Eigen::Index>(use_.fixed.size());
     const ModelPoints& all = base_.landmark_points();
     image.points = ModelPoints::sized(count, all.num_shape_coefficients(), all.num_expression_coefficients());
     image.image_points.resize(2, count);
     for (Eigen::Index i = 0; i < count; ++i) {
-        const int l = fixed_[static_cast<std::size_t>(i)];
-        image.points.assign(i, all, map_indices_[l]);
+        const int l = use_.fixed[static_cast<std::size_t>(i)];
+        image.points.assign(i, all, use_.map_indices[l]);
         image.image_points.col(i) = landmarks_.landmarks[l].point_px;
         image.used.push_back({l, -1, 2, Eigen::Matrix2d::Identity()});
     }
@@ -256,7 +235,7 @@ inline std::vector<OutlineMatch> JointImageMatcher::match_outline(const Camera& 
             continue;
         }
         const Eigen::Matrix2Xd projected = project_vertices(shape_vertices_, vertices, camera);
-        for (const int l : outline_) {
+        for (const int l : use_.outline) {
             const Landmark& landmark = landmarks_.landmarks[l];
             if (outline_side(landmark.name) != side) {
                 continue;
@@ -283,8 +262,8 @@ inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd
                                      const NoiseSharing& noise, JointImage& image)
 {
     const std::vector<OutlineMatch> matches =
-        outline_.empty() ? std::vector<OutlineMatch>() : match_outline(camera, alpha, psi);
-    const Eigen::Index num_fixed = static_cast<Eigen::Index>(fixed_.size());
+        use_.outline.empty() ? std::vector<OutlineMatch>() : match_outline(camera, alpha, psi);
+    const Eigen::Index num_fixed = static_cast<Eigen::Index>(use_.fixed.size());
     const Eigen::Index count = num_fixed + static_cast<Eigen::Index>(matches.size());
     if (image.points.num_points() != count) {
         JointImage fixed = fixed_image();
@@ -303,8 +282,8 @@ inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd
         image.used.push_back({l, bias_index, num_dimensions, weight.llt().matrixU()});
     };
     const Eigen::VectorXf* stated = base_.landmark_noise_mm();
-    for (const int l : fixed_) {
-        const int map_index = map_indices_[l];
+    for (const int l : use_.fixed) {
+        const int map_index = use_.map_indices[l];
         const double sigma_mm = is_outline(l) ? options_.contour_sigma_mm : options_.landmark_sigma_mm;
         const double bias_variance = bias_variance_mm(base_, options_, map_index);
         const double variance =

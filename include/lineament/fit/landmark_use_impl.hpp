@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/face_fitter.hpp" // before the guard: it includes the solvers, which include this file
+
+#ifndef LINEAMENT_FIT_LANDMARK_USE_IMPL_HPP
+#define LINEAMENT_FIT_LANDMARK_USE_IMPL_HPP
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace lineament::detail {
+
+/// What a fit does with the landmarks of a set, as positions in it.
+struct LandmarkUse
+{
+    std::vector<int> map_indices = {}; ///< Per landmark: its position in the landmark map, or -1.
+    std::vector<int> fixed = {};       ///< Those tied to their map point.
+    std::vector<int> outline = {};     ///< Those matched anew for each pose.
+};
+
+[[nodiscard]] inline bool is_outline_landmark(const FaceFitter& fitter, const Landmark& landmark)
+{
+    return fitter.scheme() == "ibug68" && outline_side(landmark.name).has_value();
+}
+
+/// Landmarks the scheme does not know, of confidence 0 or of infinite noise are not used.
+/// @throws InvalidArgument in the name of the function on another scheme, a landmark that is not finite or a confidence
+///         outside [0, 1].
+[[nodiscard]] inline LandmarkUse use_of_landmarks(const FaceFitter& fitter, const LandmarkSet& landmarks,
+                                                  const char* function)
+{
+    require(landmarks.scheme == fitter.scheme(), function, "landmarks.scheme", fitter.scheme(), landmarks.scheme);
+    const LandmarkMap& map = fitter.landmark_map();
+    const Eigen::VectorXf* noise_mm = fitter.landmark_noise_mm();
+    LandmarkUse use;
+    for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
+        const Landmark& landmark = landmarks.landmarks[l];
+        const std::string place = "landmark \"" + landmark.name + "\"";
+        require_finite(landmark.point_px, function, place.c_str());
+        require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
+                "0 to 1", to_text(landmark.confidence));
+        const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
+        const int map_index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
+        use.map_indices.push_back(map_index);
+        if (map_index < 0 || landmark.confidence == 0 || (noise_mm != nullptr && std::isinf((*noise_mm)[map_index]))) {
+            continue;
+        }
+        if (!is_outline_landmark(fitter, landmark) || fitter.options().contour == ContourMode::fixed) {
+            use.fixed.push_back(static_cast<int>(l));
+        } else if (fitter.contour()) {
+            use.outline.push_back(static_cast<int>(l));
+        }
+    }
+    return use;
+}
+
+} // namespace lineament::detail
+
+#endif
