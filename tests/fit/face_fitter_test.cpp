@@ -3,7 +3,7 @@
 #include "lineament/fit/face_fitter.hpp"
 
 #include "support/matchers.hpp"
-#include "support/synthetic_face.hpp"
+#include "support/planted_face.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -12,32 +12,10 @@ namespace lineament {
 namespace {
 
 using test::IsNear;
+using test::plant_moderate_face;
+using test::PlantedFace;
+using test::synthetic_face;
 using ::testing::Not;
-
-const MorphableModel& model()
-{
-    static const MorphableModel face = test::make_synthetic_face();
-    return face;
-}
-
-struct Planted
-{
-    Eigen::VectorXd alpha;
-    Eigen::VectorXd psi;
-    Camera camera;
-    LandmarkSet landmarks;
-};
-
-Planted plant(Random& random, double noise_px, double max_yaw_deg = 30)
-{
-    Planted planted;
-    planted.alpha = 0.5 * test::random_normal(random, model().shape.num_coefficients());
-    planted.psi = test::random_uniform(random, model().expression_sets[0].num_coefficients(), 0.0, 0.6);
-    planted.camera = test::random_camera(random, max_yaw_deg);
-    planted.landmarks =
-        test::project_landmarks(model(), "ibug68", planted.alpha, planted.psi, planted.camera, noise_px, random);
-    return planted;
-}
 
 FitOptions fixed_points()
 {
@@ -54,15 +32,16 @@ TEST(FaceFitter, RecoversThePlantedFaceWithoutNoise)
     options.expression_sigma = std::numeric_limits<double>::infinity();
     options.iterations = 3000; // alternating steps converge linearly
     for (int trial = 0; trial < 3; ++trial) {
-        const Planted planted = plant(random, 0.0);
-        const FitResult fit = fit_face(model(), planted.landmarks, planted.camera.principal_point_px, options);
+        const PlantedFace planted = plant_moderate_face(random, 0.0);
+        const FitResult fit = fit_face(synthetic_face(), planted.landmarks, planted.camera.principal_point_px, options);
         ASSERT_EQ(fit.status, FitStatus::success) << fit.reason;
         EXPECT_LE(fit.rms_px, 0.02);
-        const Eigen::VectorXf truth =
-            model().shape.instance(planted.alpha) + model().expression_sets[0].displacement(planted.psi);
+        const Eigen::VectorXf truth = synthetic_face().shape.instance(planted.alpha) +
+                                      synthetic_face().expression_sets[0].displacement(planted.psi);
         // Scale and depth trade against shape along shallow directions, so the shape is nearer than the start, not
         // exact.
-        EXPECT_LT((shape_of(model(), fit) - truth).norm(), 0.5f * (model().shape.mean - truth).norm());
+        EXPECT_LT((shape_of(synthetic_face(), fit) - truth).norm(),
+                  0.5f * (synthetic_face().shape.mean - truth).norm());
     }
 }
 
@@ -72,11 +51,11 @@ TEST(FaceFitter, GivesTheSameBitsAsFitFace)
     for (const ContourMode mode : {ContourMode::fixed, ContourMode::front_facing, ContourMode::both}) {
         FitOptions options;
         options.contour = mode;
-        const FaceFitter fitter(model(), "ibug68", options);
+        const FaceFitter fitter(synthetic_face(), "ibug68", options);
         for (int trial = 0; trial < 5; ++trial) {
-            const Planted planted = plant(random, 1.0, 60);
+            const PlantedFace planted = plant_moderate_face(random, 1.0, 60);
             const Eigen::Vector2d centre = planted.camera.principal_point_px;
-            const FitResult once = fit_face(model(), planted.landmarks, centre, options);
+            const FitResult once = fit_face(synthetic_face(), planted.landmarks, centre, options);
             const FitResult kept = fitter.fit(planted.landmarks, centre);
             EXPECT_EQ(once.shape_coefficients, kept.shape_coefficients);
             EXPECT_EQ(once.expression_coefficients, kept.expression_coefficients);
@@ -91,8 +70,8 @@ TEST(FaceFitter, FitsNoisyLandmarksToTheirNoise)
     Random random(33);
     double sum = 0;
     for (int trial = 0; trial < 20; ++trial) {
-        const Planted planted = plant(random, 1.0);
-        const FitResult fit = fit_face(model(), planted.landmarks, planted.camera.principal_point_px);
+        const PlantedFace planted = plant_moderate_face(random, 1.0);
+        const FitResult fit = fit_face(synthetic_face(), planted.landmarks, planted.camera.principal_point_px);
         ASSERT_EQ(fit.status, FitStatus::success) << fit.reason;
         sum += fit.rms_px;
     }
@@ -102,8 +81,8 @@ TEST(FaceFitter, FitsNoisyLandmarksToTheirNoise)
 TEST(FaceFitter, AnswerDoesNotDependOnImageResolution)
 {
     Random random(34);
-    const Planted planted = plant(random, 1.0);
-    const FaceFitter fitter(model());
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
+    const FaceFitter fitter(synthetic_face());
     const FitResult base = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
     for (const double factor : {0.25, 0.5, 2.0, 4.0}) {
         LandmarkSet scaled = planted.landmarks;
@@ -117,7 +96,7 @@ TEST(FaceFitter, AnswerDoesNotDependOnImageResolution)
         EXPECT_NEAR(fit.chi_square, base.chi_square, 1e-6 * base.chi_square);
     }
     // The twin: stated in pixels it does depend on it.
-    const FaceFitter published(model(), "ibug68", FitOptions::published_prior());
+    const FaceFitter published(synthetic_face(), "ibug68", FitOptions::published_prior());
     LandmarkSet scaled = planted.landmarks;
     for (Landmark& landmark : scaled.landmarks) {
         landmark.point_px *= 4;
@@ -130,8 +109,8 @@ TEST(FaceFitter, AnswerDoesNotDependOnImageResolution)
 TEST(FaceFitter, OrderOfLandmarksDoesNotMatter)
 {
     Random random(35);
-    const Planted planted = plant(random, 1.0);
-    const FaceFitter fitter(model());
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
+    const FaceFitter fitter(synthetic_face());
     LandmarkSet reversed = planted.landmarks;
     std::reverse(reversed.landmarks.begin(), reversed.landmarks.end());
     const FitResult a = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
@@ -142,8 +121,8 @@ TEST(FaceFitter, OrderOfLandmarksDoesNotMatter)
 TEST(FaceFitter, UnknownAndUnseenLandmarksGetWeightZeroAndChangeNothing)
 {
     Random random(36);
-    const Planted planted = plant(random, 1.0);
-    const FaceFitter fitter(model());
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
+    const FaceFitter fitter(synthetic_face());
     const FitResult base = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
     LandmarkSet more = planted.landmarks;
     more.landmarks.push_back({"antenna", {1, 2}, 1.0});
@@ -160,15 +139,15 @@ TEST(FaceFitter, UnknownAndUnseenLandmarksGetWeightZeroAndChangeNothing)
 TEST(FaceFitter, LandmarksWithoutAnAnswerGiveAStatusAndANeutralFace)
 {
     Random random(37);
-    const Planted planted = plant(random, 0.0);
-    const FaceFitter fitter(model());
+    const PlantedFace planted = plant_moderate_face(random, 0.0);
+    const FaceFitter fitter(synthetic_face());
     const auto expect = [&](const LandmarkSet& landmarks, FitStatus status) {
         const FitResult fit = fitter.fit(landmarks, Eigen::Vector2d(320, 240));
         EXPECT_EQ(fit.status, status) << fit.reason;
         EXPECT_FALSE(fit.reason.empty());
         EXPECT_TRUE(fit.shape_coefficients.isZero(0));
         EXPECT_TRUE(fit.expression_coefficients.isZero(0));
-        EXPECT_EQ(fit.shape_coefficients.size(), model().shape.num_coefficients());
+        EXPECT_EQ(fit.shape_coefficients.size(), synthetic_face().shape.num_coefficients());
         EXPECT_TRUE(fit.camera.camera_from_model.allFinite());
         EXPECT_TRUE(std::isfinite(fit.rms_px) && std::isfinite(fit.chi_square));
     };
@@ -197,8 +176,8 @@ TEST(FaceFitter, LandmarksWithoutAnAnswerGiveAStatusAndANeutralFace)
 TEST(FaceFitter, BrokenInputThrowsNamingTheLandmark)
 {
     Random random(38);
-    Planted planted = plant(random, 0.0);
-    const FaceFitter fitter(model());
+    PlantedFace planted = plant_moderate_face(random, 0.0);
+    const FaceFitter fitter(synthetic_face());
     const Eigen::Vector2d centre(320, 240);
     LandmarkSet set = planted.landmarks;
     set.landmarks[40].point_px.y() = std::nan("");
@@ -209,22 +188,24 @@ TEST(FaceFitter, BrokenInputThrowsNamingTheLandmark)
     set = planted.landmarks;
     set.scheme = "other";
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)fitter.fit(set, centre); }, "scheme", "ibug68", "other"));
-    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(model(), "other"); }, "scheme"));
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(synthetic_face(), "other"); }, "scheme"));
     FitOptions options;
     options.expression_set = "none-such";
-    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(model(), "ibug68", options); }, "none-such"));
+    EXPECT_TRUE(
+        test::throws<InvalidArgument>([&] { (void)FaceFitter(synthetic_face(), "ibug68", options); }, "none-such"));
     options = {};
     options.iterations = 0;
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { options.check(); }, "iterations"));
     options = {};
     options.num_shape_coefficients = 99;
-    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(model(), "ibug68", options); }, "at most 12"));
+    EXPECT_TRUE(
+        test::throws<InvalidArgument>([&] { (void)FaceFitter(synthetic_face(), "ibug68", options); }, "at most 12"));
 }
 
 TEST(FaceFitter, ABlendshapeTheLandmarksHardlySeeStaysSmall)
 {
     // A blendshape of 10 mm somewhere on the forehead that moves the landmarks by micrometres.
-    MorphableModel face = model();
+    MorphableModel face = synthetic_face();
     Blendshapes& set = face.expression_sets[0];
     set.offsets.col(1) *= 1e-4f / set.offsets.col(1).cwiseAbs().maxCoeff();
     for (int v = 0; v < 30; ++v) {
@@ -232,7 +213,7 @@ TEST(FaceFitter, ABlendshapeTheLandmarksHardlySeeStaysSmall)
         set.offsets(3 * v + 2, 1) = is_landmark ? set.offsets(3 * v + 2, 1) : 10.0f;
     }
     Random random(44);
-    const Planted planted = plant(random, 1.0);
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
     const Eigen::Vector2d centre = planted.camera.principal_point_px;
     FitOptions options = fixed_points();
     const FitResult fit = fit_face(face, planted.landmarks, centre, options);
@@ -242,7 +223,7 @@ TEST(FaceFitter, ABlendshapeTheLandmarksHardlySeeStaysSmall)
     options.expression_sigma = std::numeric_limits<double>::infinity();
     bool was_held = false;
     for (int trial = 0; trial < 10; ++trial) {
-        const FitResult held = fit_face(face, plant(random, 1.0).landmarks, centre, options);
+        const FitResult held = fit_face(face, plant_moderate_face(random, 1.0).landmarks, centre, options);
         EXPECT_LE(held.expression_coefficients.maxCoeff(), options.max_expression);
         EXPECT_EQ(held.status == FitStatus::implausible,
                   held.expression_coefficients.maxCoeff() >= options.max_expression);
@@ -254,7 +235,7 @@ TEST(FaceFitter, ABlendshapeTheLandmarksHardlySeeStaysSmall)
 /// The synthetic face with another scheme, whose landmarks are those of ibug68 by other names.
 MorphableModel model_with_noise(const Eigen::VectorXf& noise_mm)
 {
-    MorphableModel face = model();
+    MorphableModel face = synthetic_face();
     LandmarkMap map = face.landmark_maps[0];
     map.scheme = "noisy";
     map.noise_mm["first"] = noise_mm;
@@ -265,12 +246,12 @@ MorphableModel model_with_noise(const Eigen::VectorXf& noise_mm)
 TEST(FaceFitter, NoiseOfTheLandmarkMapReplacesTheSigmasOfTheOptions)
 {
     Random random(47);
-    Planted planted = plant(random, 1.0);
+    PlantedFace planted = plant_moderate_face(random, 1.0);
     const Eigen::Vector2d centre = planted.camera.principal_point_px;
-    const Eigen::Index count = model().landmark_maps[0].num_landmarks();
+    const Eigen::Index count = synthetic_face().landmark_maps[0].num_landmarks();
     // The same sigmas from either place give the same bits; without outline, whose default sigma differs.
     planted.landmarks.landmarks.erase(planted.landmarks.landmarks.begin(), planted.landmarks.landmarks.begin() + 17);
-    const FitResult stated = fit_face(model(), planted.landmarks, centre, fixed_points());
+    const FitResult stated = fit_face(synthetic_face(), planted.landmarks, centre, fixed_points());
     planted.landmarks.scheme = "noisy";
     const auto fit_with = [&](const Eigen::VectorXf& noise_mm) {
         return fit_face(model_with_noise(noise_mm), planted.landmarks, centre); // default options
@@ -290,10 +271,10 @@ TEST(FaceFitter, NoiseOfTheLandmarkMapReplacesTheSigmasOfTheOptions)
 TEST(FaceFitter, ALandmarkOfInfiniteNoiseIsNotUsed)
 {
     Random random(48);
-    Planted planted = plant(random, 1.0);
+    PlantedFace planted = plant_moderate_face(random, 1.0);
     planted.landmarks.scheme = "noisy";
     const Eigen::Vector2d centre = planted.camera.principal_point_px;
-    Eigen::VectorXf noise_mm = Eigen::VectorXf::Constant(model().landmark_maps[0].num_landmarks(), 2.0f);
+    Eigen::VectorXf noise_mm = Eigen::VectorXf::Constant(synthetic_face().landmark_maps[0].num_landmarks(), 2.0f);
     noise_mm[30] = std::numeric_limits<float>::infinity();
     const FaceFitter fitter(model_with_noise(noise_mm), "noisy");
     const FitResult base = fitter.fit(planted.landmarks, centre);
@@ -310,7 +291,7 @@ TEST(FaceFitter, ALandmarkOfInfiniteNoiseIsNotUsed)
 
 TEST(FaceFitter, TheNoiseOfSeveralDetectorsMustBeNamed)
 {
-    const Eigen::Index count = model().landmark_maps[0].num_landmarks();
+    const Eigen::Index count = synthetic_face().landmark_maps[0].num_landmarks();
     MorphableModel face = model_with_noise(Eigen::VectorXf::Constant(count, 2.0f));
     face.landmark_maps.back().noise_mm["second"] = Eigen::VectorXf::Constant(count, 3.0f);
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)FaceFitter(face, "noisy"); }, "noise_detector"));
@@ -327,8 +308,8 @@ TEST(FaceFitter, TheNoiseOfSeveralDetectorsMustBeNamed)
 TEST(FaceFitter, FixedIdentityIsLeftAlone)
 {
     Random random(39);
-    const Planted planted = plant(random, 0.5);
-    const FaceFitter fitter(model(), "ibug68", fixed_points());
+    const PlantedFace planted = plant_moderate_face(random, 0.5);
+    const FaceFitter fitter(synthetic_face(), "ibug68", fixed_points());
     const FitResult fit =
         fitter.fit_pose_and_expression(planted.landmarks, planted.camera.principal_point_px, planted.alpha);
     EXPECT_EQ(fit.shape_coefficients, planted.alpha);
@@ -339,12 +320,12 @@ TEST(FaceFitter, FixedIdentityIsLeftAlone)
 TEST(FaceFitter, WarmStartContinuesWhereTheFitBeforeEnded)
 {
     Random random(40);
-    const Planted planted = plant(random, 1.0);
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
     FitOptions options = fixed_points();
     options.iterations = 1;
-    const FaceFitter one(model(), "ibug68", options);
+    const FaceFitter one(synthetic_face(), "ibug68", options);
     options.iterations = 60;
-    const FaceFitter many(model(), "ibug68", options);
+    const FaceFitter many(synthetic_face(), "ibug68", options);
     const Eigen::Vector2d centre = planted.camera.principal_point_px;
     const FitResult settled = many.fit(planted.landmarks, centre);
     const FitResult cold = one.fit(planted.landmarks, centre);

@@ -3,7 +3,7 @@
 #include "lineament/fit/identity.hpp"
 
 #include "support/matchers.hpp"
-#include "support/synthetic_face.hpp"
+#include "support/planted_face.hpp"
 
 #include <Eigen/QR>
 
@@ -11,18 +11,13 @@ namespace lineament {
 namespace {
 
 using test::IsNear;
+using test::synthetic_face;
 using ::testing::Not;
-
-const MorphableModel& model()
-{
-    static const MorphableModel face = test::make_synthetic_face();
-    return face;
-}
 
 const ModelPoints& points()
 {
     static const ModelPoints packed =
-        landmark_points(model(), model().landmark_maps[0], &model().expression_sets[0], 12);
+        landmark_points(synthetic_face(), synthetic_face().landmark_maps[0], &synthetic_face().expression_sets[0], 12);
     return packed;
 }
 
@@ -55,9 +50,10 @@ Problem plant(Random& random, double noise_px)
 /// A and b of Eq. (4), written out from the model in a second way.
 std::pair<Eigen::MatrixXd, Eigen::VectorXd> design(const Problem& problem)
 {
-    const Eigen::MatrixXd basis = model().shape.rescaled_basis().cast<double>();
-    const LandmarkMap& map = model().landmark_maps[0];
-    const Eigen::VectorXf shape = model().shape.mean + model().expression_sets[0].displacement(problem.psi);
+    const Eigen::MatrixXd basis = synthetic_face().shape.rescaled_basis().cast<double>();
+    const LandmarkMap& map = synthetic_face().landmark_maps[0];
+    const Eigen::VectorXf shape =
+        synthetic_face().shape.mean + synthetic_face().expression_sets[0].displacement(problem.psi);
     Eigen::MatrixXd a(136, 12);
     Eigen::VectorXd b(136);
     for (int i = 0; i < 68; ++i) {

@@ -3,7 +3,7 @@
 #include "lineament/fit/joint_fitter.hpp"
 
 #include "support/matchers.hpp"
-#include "support/synthetic_face.hpp"
+#include "support/planted_face.hpp"
 
 #include <limits>
 
@@ -11,34 +11,11 @@ namespace lineament {
 namespace {
 
 using test::IsNear;
+using test::neutral_distance_mm;
+using test::plant_face_from_priors;
+using test::PlantedFace;
+using test::synthetic_face;
 using ::testing::Not;
-
-const MorphableModel& model()
-{
-    static const MorphableModel face = test::make_synthetic_face();
-    return face;
-}
-
-struct Planted
-{
-    Eigen::VectorXd alpha;
-    Eigen::VectorXd psi;
-    Camera camera;
-    LandmarkSet landmarks;
-};
-
-/// A face drawn from the priors.
-Planted plant(Random& random, double noise_px, double max_yaw_deg = 30)
-{
-    Planted planted;
-    planted.alpha = test::random_normal(random, model().shape.num_coefficients());
-    planted.psi =
-        (0.3 * test::random_normal(random, model().expression_sets[0].num_coefficients())).cwiseAbs().cwiseMin(1.0);
-    planted.camera = test::random_camera(random, max_yaw_deg);
-    planted.landmarks =
-        test::project_landmarks(model(), "ibug68", planted.alpha, planted.psi, planted.camera, noise_px, random);
-    return planted;
-}
 
 /// Correspondences given, noise as planted, no bias.
 JointOptions given(double sigma_mm = 2.0)
@@ -51,31 +28,25 @@ JointOptions given(double sigma_mm = 2.0)
     return options;
 }
 
-double shape_error(const Eigen::VectorXd& alpha, const Eigen::VectorXd& truth)
-{
-    const Eigen::VectorXf difference = model().shape.instance(alpha) - model().shape.instance(truth);
-    return Eigen::Map<const Eigen::Matrix3Xf>(difference.data(), 3, model().num_vertices()).colwise().norm().mean();
-}
-
 TEST(JointFitter, FindsThePlantedFaceWithoutNoise)
 {
     Random random(131);
     JointOptions options = given(0.01); // noise and prior that hold nothing back
     options.tolerance = 1e-7;
     options.max_iterations = 300;
-    const JointFitter fitter(model(), "ibug68", options);
+    const JointFitter fitter(synthetic_face(), "ibug68", options);
     for (int trial = 0; trial < 3; ++trial) {
-        const Planted planted = plant(random, 0.0);
+        const PlantedFace planted = plant_face_from_priors(random, 0.0);
         const JointFitResult result = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
         ASSERT_EQ(result.fit.status, FitStatus::success) << result.fit.reason;
         EXPECT_EQ(result.fit.method, "joint");
         EXPECT_LE(result.fit.rms_px, 0.01);
-        EXPECT_LE(shape_error(result.fit.shape_coefficients, planted.alpha), 0.2); // mm
+        EXPECT_LE(neutral_distance_mm(result.fit.shape_coefficients, planted.alpha), 0.2); // mm
         EXPECT_THAT(result.fit.expression_coefficients, IsNear(planted.psi, 0.02));
         EXPECT_THAT(result.fit.camera.camera_from_model, IsNear(planted.camera.camera_from_model, 1e-3));
         // The twin: under the stated noise of 2 mm the prior holds the shape back.
-        const JointFitResult held = JointFitter(model(), "ibug68", given()).fit(planted.landmarks, {320, 240});
-        EXPECT_GT(shape_error(held.fit.shape_coefficients, planted.alpha), 0.5);
+        const JointFitResult held = JointFitter(synthetic_face(), "ibug68", given()).fit(planted.landmarks, {320, 240});
+        EXPECT_GT(neutral_distance_mm(held.fit.shape_coefficients, planted.alpha), 0.5);
     }
 }
 
@@ -87,8 +58,8 @@ TEST(JointFitter, EveryStepOfARoundLowersTheEnergy)
             JointOptions options;
             options.contour = mode;
             options.loss = loss;
-            const JointFitter fitter(model(), "ibug68", options);
-            const Planted planted = plant(random, 2.0, 60);
+            const JointFitter fitter(synthetic_face(), "ibug68", options);
+            const PlantedFace planted = plant_face_from_priors(random, 2.0, 60);
             const JointFitResult result = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
             ASSERT_EQ(result.fit.status, FitStatus::success) << result.fit.reason;
             ASSERT_GE(result.energies.size(), 6u);
@@ -105,12 +76,12 @@ TEST(JointFitter, EveryStepOfARoundLowersTheEnergy)
 TEST(JointFitter, TooFewStepsAreNotConverged)
 {
     Random random(133);
-    const Planted planted = plant(random, 2.0);
+    const PlantedFace planted = plant_face_from_priors(random, 2.0);
     JointOptions options = given();
     options.rounds = 1;
     options.max_iterations = 2;
     const JointFitResult result =
-        JointFitter(model(), "ibug68", options).fit(planted.landmarks, planted.camera.principal_point_px);
+        JointFitter(synthetic_face(), "ibug68", options).fit(planted.landmarks, planted.camera.principal_point_px);
     EXPECT_EQ(result.fit.status, FitStatus::not_converged);
     EXPECT_FALSE(result.fit.reason.empty());
 }
@@ -118,11 +89,11 @@ TEST(JointFitter, TooFewStepsAreNotConverged)
 TEST(JointFitter, AnswerDoesNotDependOnImageResolution)
 {
     Random random(134);
-    const Planted planted = plant(random, 1.0);
+    const PlantedFace planted = plant_face_from_priors(random, 1.0);
     for (const ContourMode mode : {ContourMode::fixed, ContourMode::both}) {
         JointOptions options;
         options.contour = mode;
-        const JointFitter fitter(model(), "ibug68", options);
+        const JointFitter fitter(synthetic_face(), "ibug68", options);
         const JointFitResult base = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
         for (const double factor : {0.25, 0.5, 2.0, 4.0}) {
             LandmarkSet scaled = planted.landmarks;
@@ -130,14 +101,15 @@ TEST(JointFitter, AnswerDoesNotDependOnImageResolution)
                 landmark.point_px *= factor;
             }
             const JointFitResult result = fitter.fit(scaled, factor * planted.camera.principal_point_px);
-            const Eigen::VectorXf moved = neutral_shape_of(model(), result.fit) - neutral_shape_of(model(), base.fit);
+            const Eigen::VectorXf moved =
+                neutral_shape_of(synthetic_face(), result.fit) - neutral_shape_of(synthetic_face(), base.fit);
             EXPECT_LE(moved.cwiseAbs().maxCoeff(), 1e-3f); // mm
             EXPECT_NEAR(result.fit.camera.scale_px_per_mm, factor * base.fit.camera.scale_px_per_mm, 1e-5 * factor);
             EXPECT_NEAR(result.fit.chi_square, base.fit.chi_square, 1e-4 * base.fit.chi_square);
         }
     }
     // The twin: noise stated in px does depend on it.
-    const JointFitter fitter(model(), "ibug68", given());
+    const JointFitter fitter(synthetic_face(), "ibug68", given());
     const std::vector<Eigen::Matrix2d> noise(68, 4 * Eigen::Matrix2d::Identity());
     LandmarkSet scaled = planted.landmarks;
     for (Landmark& landmark : scaled.landmarks) {
@@ -153,8 +125,8 @@ TEST(JointFitter, AnswerDoesNotDependOnImageResolution)
 TEST(JointFitter, LandmarksWithoutAnAnswerGiveAStatusAndANeutralFace)
 {
     Random random(135);
-    const Planted planted = plant(random, 0.0);
-    const JointFitter fitter(model());
+    const PlantedFace planted = plant_face_from_priors(random, 0.0);
+    const JointFitter fitter(synthetic_face());
     const auto expect = [&](const LandmarkSet& landmarks, FitStatus status) {
         const JointFitResult result = fitter.fit(landmarks, Eigen::Vector2d(320, 240));
         const FitResult& fit = result.fit;
@@ -162,7 +134,7 @@ TEST(JointFitter, LandmarksWithoutAnAnswerGiveAStatusAndANeutralFace)
         EXPECT_FALSE(fit.reason.empty());
         EXPECT_TRUE(fit.shape_coefficients.isZero(0));
         EXPECT_TRUE(fit.expression_coefficients.isZero(0));
-        EXPECT_EQ(fit.shape_coefficients.size(), model().shape.num_coefficients());
+        EXPECT_EQ(fit.shape_coefficients.size(), synthetic_face().shape.num_coefficients());
         EXPECT_EQ(fit.landmarks.size(), landmarks.landmarks.size());
         EXPECT_TRUE(fit.camera.camera_from_model.allFinite());
         EXPECT_TRUE(std::isfinite(fit.rms_px) && std::isfinite(fit.chi_square));
@@ -195,8 +167,8 @@ TEST(JointFitter, LandmarksWithoutAnAnswerGiveAStatusAndANeutralFace)
 TEST(JointFitter, BrokenInputThrowsNamingWhatIsBroken)
 {
     Random random(136);
-    const Planted planted = plant(random, 0.0);
-    const JointFitter fitter(model());
+    const PlantedFace planted = plant_face_from_priors(random, 0.0);
+    const JointFitter fitter(synthetic_face());
     const Eigen::Vector2d centre(320, 240);
     LandmarkSet set = planted.landmarks;
     set.landmarks[40].point_px.y() = std::nan("");
@@ -217,11 +189,12 @@ TEST(JointFitter, BrokenInputThrowsNamingWhatIsBroken)
     const FitResult wrong_size;
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)fitter.fit(planted.landmarks, centre, &wrong_size); },
                                               "start->shape_coefficients"));
-    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)JointFitter(model(), "other"); }, "scheme"));
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)JointFitter(synthetic_face(), "other"); }, "scheme"));
     const auto expect_bad = [&](auto change, const char* member) {
         JointOptions options;
         change(options);
-        EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)JointFitter(model(), "ibug68", options); }, member));
+        EXPECT_TRUE(
+            test::throws<InvalidArgument>([&] { (void)JointFitter(synthetic_face(), "ibug68", options); }, member));
     };
     expect_bad([](JointOptions& o) { o.landmark_sigma_mm = 0; }, "landmark_sigma_mm");
     expect_bad([](JointOptions& o) { o.bias_sigma_mm = -1; }, "bias_sigma_mm");
@@ -236,8 +209,8 @@ TEST(JointFitter, BrokenInputThrowsNamingWhatIsBroken)
 TEST(JointFitter, UnknownAndUnseenLandmarksGetWeightZeroAndChangeNothing)
 {
     Random random(137);
-    const Planted planted = plant(random, 1.0);
-    const JointFitter fitter(model());
+    const PlantedFace planted = plant_face_from_priors(random, 1.0);
+    const JointFitter fitter(synthetic_face());
     const JointFitResult base = fitter.fit(planted.landmarks, planted.camera.principal_point_px);
     LandmarkSet more = planted.landmarks;
     more.landmarks.push_back({"antenna", {1, 2}, 1.0});
@@ -255,12 +228,12 @@ TEST(JointFitter, WildLandmarksHardlyMoveTheFace)
     Random random(138);
     double clean = 0, student_t = 0, geman_mcclure = 0, none = 0;
     for (int trial = 0; trial < 30; ++trial) {
-        Planted planted = plant(random, 2.0);
+        PlantedFace planted = plant_face_from_priors(random, 2.0);
         JointOptions options = given();
         const auto error = [&](RobustLoss loss) {
             options.loss = loss;
-            const JointFitter fitter(model(), "ibug68", options);
-            return shape_error(fitter.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, planted.alpha);
+            const JointFitter fitter(synthetic_face(), "ibug68", options);
+            return neutral_distance_mm(fitter.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, planted.alpha);
         };
         clean += error(RobustLoss::student_t);
         for (int i = 0; i < 7; ++i) {
@@ -279,28 +252,28 @@ TEST(JointFitter, WildLandmarksHardlyMoveTheFace)
 TEST(JointFitter, CovariancesInPixelsAndMillimetresAgree)
 {
     Random random(155);
-    const Planted planted = plant(random, 1.0);
+    const PlantedFace planted = plant_face_from_priors(random, 1.0);
     JointOptions options = given(2.0);
-    const JointFitResult base = JointFitter(model(), "ibug68", options).fit(planted.landmarks, {320, 240});
+    const JointFitResult base = JointFitter(synthetic_face(), "ibug68", options).fit(planted.landmarks, {320, 240});
     const double s0 = base.matched_scale_px_per_mm;
     const std::vector<Eigen::Matrix2d> pixels(68, s0 * s0 * 4 * Eigen::Matrix2d::Identity());
     options.landmark_sigma_mm = options.contour_sigma_mm = 9; // not used
-    const JointFitter other(model(), "ibug68", options);
+    const JointFitter other(synthetic_face(), "ibug68", options);
     const JointFitResult in_px = other.fit(planted.landmarks, {320, 240}, nullptr, pixels);
     EXPECT_THAT(in_px.fit.shape_coefficients, IsNear(base.fit.shape_coefficients, 1e-3));
     const std::vector<LandmarkSet> frames{planted.landmarks};
     const std::vector<std::vector<Eigen::Matrix2d>> of_frames{pixels};
     EXPECT_EQ(other.fit_frames(frames, {320, 240}, {}, of_frames).shape_coefficients, in_px.fit.shape_coefficients);
-    for (const LandmarkMap& map : model().landmark_maps) {
+    for (const LandmarkMap& map : synthetic_face().landmark_maps) {
         for (const std::string& name : map.names) {
             options.covariances_mm[name] = 4 * Eigen::Matrix2d::Identity();
         }
     }
-    const JointFitter named(model(), "ibug68", options);
+    const JointFitter named(synthetic_face(), "ibug68", options);
     EXPECT_EQ(named.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, base.fit.shape_coefficients);
     // The twin: a direction that a landmark does not know pulls less.
     options.covariances_mm["31"] = Eigen::Vector2d(400, 4).asDiagonal();
-    const JointFitter blind(model(), "ibug68", options);
+    const JointFitter blind(synthetic_face(), "ibug68", options);
     LandmarkSet moved = planted.landmarks;
     moved.landmarks[30].point_px.x() += 10;
     const Eigen::VectorXd with = named.fit(moved, {320, 240}).fit.shape_coefficients - base.fit.shape_coefficients;
@@ -315,10 +288,10 @@ TEST(JointFitter, NoiseOfTheLandmarkMapIsSplitIntoNoiseAndBias)
     JointOptions options; // sigma and bias 2 mm each
     options.contour = ContourMode::fixed;
     options.contour_sigma_mm = 2.0;
-    const Planted planted = plant(random, 2.0);
-    const std::vector<LandmarkSet> frames{planted.landmarks, plant(random, 2.0).landmarks};
-    const JointFitter plain(model(), "ibug68", options);
-    MorphableModel stated = model();
+    const PlantedFace planted = plant_face_from_priors(random, 2.0);
+    const std::vector<LandmarkSet> frames{planted.landmarks, plant_face_from_priors(random, 2.0).landmarks};
+    const JointFitter plain(synthetic_face(), "ibug68", options);
+    MorphableModel stated = synthetic_face();
     stated.landmark_maps[0].noise_mm["detector"] = Eigen::VectorXf::Constant(68, std::sqrt(8.0f));
     const JointFitter same(stated, "ibug68", options);
     EXPECT_THAT(same.fit(planted.landmarks, {320, 240}).fit.shape_coefficients,
@@ -345,23 +318,24 @@ TEST(JointFitter, OutlineMatchesBeatAFixedOutlineWhereTheOutlineIsWhatIsSeen)
     JointOptions fixed = given(1.0);
     JointOptions matched = given(1.0);
     matched.contour = ContourMode::both;
-    const JointFitter fixed_fitter(model(), "ibug68", fixed), matched_fitter(model(), "ibug68", matched);
+    const JointFitter fixed_fitter(synthetic_face(), "ibug68", fixed),
+        matched_fitter(synthetic_face(), "ibug68", matched);
     double fixed_rms = 0, matched_rms = 0;
     for (int trial = 0; trial < 10; ++trial) {
-        Planted planted = plant(random, 0.0, 0);
+        PlantedFace planted = plant_face_from_priors(random, 0.0, 0);
         planted.camera.camera_from_model = rotation_from_angles({radians(trial % 2 == 0 ? 35 : -35), 0.1, 0});
-        planted.landmarks =
-            test::project_landmarks(model(), "ibug68", planted.alpha, planted.psi, planted.camera, 0.5, random);
-        const ContourModel contour(model());
-        Eigen::VectorXf shape =
-            model().shape.instance(planted.alpha) + model().expression_sets[0].displacement(planted.psi);
-        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model().num_vertices());
+        planted.landmarks = test::project_landmarks(synthetic_face(), "ibug68", planted.alpha, planted.psi,
+                                                    planted.camera, 0.5, random);
+        const ContourModel contour(synthetic_face());
+        Eigen::VectorXf shape = synthetic_face().shape.instance(planted.alpha) +
+                                synthetic_face().expression_sets[0].displacement(planted.psi);
+        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, synthetic_face().num_vertices());
         for (const ContourMatch& match : match_contour(contour, vertices, planted.camera, planted.landmarks).matches) {
             planted.landmarks.landmarks[static_cast<std::size_t>(match.landmark_index)].point_px =
                 planted.camera.project(Eigen::Vector3d(vertices.col(match.vertex).cast<double>()));
         }
         const auto error = [&](const JointFitter& fitter) {
-            return shape_error(fitter.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, planted.alpha);
+            return neutral_distance_mm(fitter.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, planted.alpha);
         };
         fixed_rms += error(fixed_fitter);
         matched_rms += error(matched_fitter);

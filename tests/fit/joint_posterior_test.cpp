@@ -6,7 +6,7 @@
 #include "lineament/fit/joint_fitter.hpp"
 
 #include "support/matchers.hpp"
-#include "support/synthetic_face.hpp"
+#include "support/planted_face.hpp"
 
 #include <Eigen/LU>
 
@@ -14,13 +14,9 @@ namespace lineament {
 namespace {
 
 using test::IsNear;
+using test::neutral_distance_mm;
+using test::synthetic_face;
 using ::testing::Not;
-
-const MorphableModel& model()
-{
-    static const MorphableModel face = test::make_synthetic_face();
-    return face;
-}
 
 const Eigen::Vector2d centre(320, 240);
 
@@ -35,16 +31,15 @@ struct Planted
 Planted plant(Random& random, int num_images, double noise_px, double bias_mm = 0, double phi_per_mm = 0)
 {
     Planted planted;
-    planted.alpha = test::random_normal(random, model().shape.num_coefficients());
-    MorphableModel biased = model(); // a model whose mean has the landmarks' vertices moved
+    planted.alpha = test::random_normal(random, synthetic_face().shape.num_coefficients());
+    MorphableModel biased = synthetic_face(); // a model whose mean has the landmarks' vertices moved
     const LandmarkMap& map = biased.landmark_maps[0];
     for (Eigen::Index l = 0; l < map.num_landmarks(); ++l) {
         biased.shape.mean.segment<3>(3 * map.vertices(0, l)) +=
             (bias_mm * test::random_normal(random, 3)).cast<float>();
     }
     for (int f = 0; f < num_images; ++f) {
-        const Eigen::VectorXd psi =
-            (0.3 * test::random_normal(random, model().expression_sets[0].num_coefficients())).cwiseAbs().cwiseMin(1.0);
+        const Eigen::VectorXd psi = test::draw_expression(random);
         Camera camera = test::random_camera(random, 40);
         camera.phi_per_mm = phi_per_mm;
         if (phi_per_mm > 0) {
@@ -69,12 +64,6 @@ JointOptions given(double sigma_mm = 2.0)
     return options;
 }
 
-double shape_error(const Eigen::VectorXd& alpha, const Eigen::VectorXd& truth)
-{
-    const Eigen::VectorXf difference = model().shape.instance(alpha) - model().shape.instance(truth);
-    return Eigen::Map<const Eigen::Matrix3Xf>(difference.data(), 3, model().num_vertices()).colwise().norm().mean();
-}
-
 FitOptions prepared()
 {
     FitOptions options;
@@ -84,7 +73,7 @@ FitOptions prepared()
 
 const FaceFitter& base()
 {
-    static const FaceFitter fitter(model(), "ibug68", prepared());
+    static const FaceFitter fitter(synthetic_face(), "ibug68", prepared());
     return fitter;
 }
 
@@ -92,8 +81,8 @@ const FaceFitter& base()
 struct Round
 {
     Round(const Planted& planted, const JointOptions& options, const std::vector<JointFitResult>& at)
-        : prior(IdentityFilter(model().shape.num_coefficients()).state()),
-          problem(options, prior, model().expression_sets[0].num_coefficients())
+        : prior(IdentityFilter(synthetic_face().shape.num_coefficients()).state()),
+          problem(options, prior, synthetic_face().expression_sets[0].num_coefficients())
     {
         state.alpha = at.front().fit.shape_coefficients;
         for (std::size_t f = 0; f < at.size(); ++f) {
@@ -151,7 +140,7 @@ TEST(JointFitter, GradientAgreesWithDifferencesOfTheEnergy)
             options.phi_sigma_per_mm = 0.002;
         }
         const Planted planted = plant(random, 2, 2.0, 0, has_phi ? 0.0025 : 0);
-        JointFramesResult result = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+        JointFramesResult result = JointFitter(synthetic_face(), "ibug68", options).fit_frames(planted.images, centre);
         for (JointFitResult& frame : result.frames) { // away from the solution
             frame.fit.shape_coefficients.array() += 0.3;
             frame.fit.expression_coefficients.array() = 0.4;
@@ -175,7 +164,7 @@ TEST(JointFitter, GradientIsZeroWhereFreeAndPointsOutAtBounds)
     int num_held = 0;
     for (int trial = 0; trial < 8; ++trial) {
         const Planted planted = plant(random, 1, 2.0);
-        const JointFitter fitter(model(), "ibug68", given());
+        const JointFitter fitter(synthetic_face(), "ibug68", given());
         const JointFitResult result = fitter.fit(planted.images[0], centre);
         ASSERT_EQ(result.fit.status, FitStatus::success) << result.fit.reason;
         const Round round(planted, fitter.options(), {result});
@@ -234,12 +223,13 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
     Random random(143);
     const JointOptions options = with_bias(1.5);
     const Planted planted = plant(random, 3, 2.0, 1.5);
-    Round round(planted, options, JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre).frames);
+    Round round(planted, options,
+                JointFitter(synthetic_face(), "ibug68", options).fit_frames(planted.images, centre).frames);
     round.state.bias.setZero();
-    const Eigen::Index num_shape = model().shape.num_coefficients();
+    const Eigen::Index num_shape = synthetic_face().shape.num_coefficients();
     const Eigen::Index num_biases = round.state.bias.size();
     const IdentityInformation wide_prior = IdentityFilter(num_shape + num_biases).state();
-    detail::JointProblem wide(options, wide_prior, model().expression_sets[0].num_coefficients());
+    detail::JointProblem wide(options, wide_prior, synthetic_face().expression_sets[0].num_coefficients());
     detail::JointState wide_state = round.state;
     wide_state.bias.resize(3, 0);
     wide_state.alpha = Eigen::VectorXd::Zero(num_shape + num_biases);
@@ -289,7 +279,7 @@ TEST(JointFitter, ScaleStrengthIsTheDerivativeOfTheLogDeterminant)
         JointOptions options = with_bias(bias_sigma_mm);
         options.loss = RobustLoss::none; // weights that do not move with the scale
         Round round(planted, options,
-                    JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre).frames);
+                    JointFitter(synthetic_face(), "ibug68", options).fit_frames(planted.images, centre).frames);
         for (Eigen::VectorXd& psi : round.state.psi) {
             psi.setConstant(0.5); // none at a bound
         }
@@ -320,7 +310,7 @@ TEST(JointFitter, ScaleIsUnbiased)
     const int count = 60;
     for (int trial = 0; trial < count; ++trial) {
         const Planted planted = plant(random, 1, 2.4);
-        const JointFitResult result = JointFitter(model(), "ibug68", given()).fit(planted.images[0], centre);
+        const JointFitResult result = JointFitter(synthetic_face(), "ibug68", given()).fit(planted.images[0], centre);
         sum += result.fit.camera.scale_px_per_mm / planted.cameras[0].scale_px_per_mm;
     }
     EXPECT_NEAR(sum / count, 1, 0.02);
@@ -333,7 +323,7 @@ TEST(JointFitter, IntervalsCoverThePlantedTruth)
     double chi_square = 0;
     for (int trial = 0; trial < 120; ++trial) {
         const Planted planted = plant(random, 1, 2.4);
-        const JointFitter fitter(model(), "ibug68", given());
+        const JointFitter fitter(synthetic_face(), "ibug68", given());
         const JointFitResult result = fitter.fit(planted.images[0], centre);
         ASSERT_EQ(result.fit.status, FitStatus::success);
         const Eigen::Index num_shape = planted.alpha.size();
@@ -359,7 +349,7 @@ TEST(JointFitter, IntervalsCoverThePlantedTruth)
 TEST(JointFitter, UnobservableExpressionsAreThoseTheLandmarksHardlySee)
 {
     Random random(225);
-    MorphableModel dim = model();
+    MorphableModel dim = synthetic_face();
     dim.expression_sets[0].offsets.col(1) *= 1e-3f;
     const JointFitter fitter(dim, "ibug68", given());
     const std::string hidden = dim.expression_sets[0].names[1];
@@ -368,7 +358,7 @@ TEST(JointFitter, UnobservableExpressionsAreThoseTheLandmarksHardlySee)
         const JointFitResult result = fitter.fit(plant(random, 1, 2.0).images[0], centre);
         ASSERT_EQ(result.fit.status, FitStatus::success) << result.fit.reason;
         EXPECT_EQ(result.unobservable_expressions, std::vector<std::string>{hidden});
-        const Eigen::Index at = model().shape.num_coefficients() + 1;
+        const Eigen::Index at = synthetic_face().shape.num_coefficients() + 1;
         num_held += result.covariance(at, at) == 0; // at the bound 0, and told all the same
         EXPECT_NEAR(result.expression_deviations[1], fitter.options().expression_sigma, 0.01);
         EXPECT_LT(result.expression_deviations[0], 0.7 * fitter.options().expression_sigma);
@@ -381,7 +371,7 @@ TEST(JointFitter, UnobservableExpressionsAreThoseTheLandmarksHardlySee)
     }
     EXPECT_GT(num_held, 0);
     EXPECT_LT(num_held, 10);
-    const JointFitter seeing(model(), "ibug68", given()); // the twin: nothing is hidden
+    const JointFitter seeing(synthetic_face(), "ibug68", given()); // the twin: nothing is hidden
     EXPECT_TRUE(seeing.fit(plant(random, 1, 2.0).images[0], centre).unobservable_expressions.empty());
 }
 
@@ -389,13 +379,13 @@ TEST(VertexStandardDeviations, AreTheRootsOfTheDiagonalOfTheVertexCovariance)
 {
     Random random(147);
     const Planted planted = plant(random, 1, 2.0);
-    const JointFitResult result = JointFitter(model(), "ibug68", given()).fit(planted.images[0], centre);
+    const JointFitResult result = JointFitter(synthetic_face(), "ibug68", given()).fit(planted.images[0], centre);
     const Eigen::Index num_shape = planted.alpha.size();
-    const Eigen::MatrixXd basis = model().shape.rescaled_basis().cast<double>();
-    const Eigen::MatrixXd offsets = model().expression_sets[0].offsets.cast<double>();
+    const Eigen::MatrixXd basis = synthetic_face().shape.rescaled_basis().cast<double>();
+    const Eigen::MatrixXd offsets = synthetic_face().expression_sets[0].offsets.cast<double>();
     const Eigen::MatrixXd shape_covariance = result.covariance.topLeftCorner(num_shape, num_shape);
-    const Eigen::Matrix3Xf neutral = vertex_standard_deviations(model(), shape_covariance);
-    const Eigen::Matrix3Xf whole = vertex_standard_deviations(model(), result);
+    const Eigen::Matrix3Xf neutral = vertex_standard_deviations(synthetic_face(), shape_covariance);
+    const Eigen::Matrix3Xf whole = vertex_standard_deviations(synthetic_face(), result);
     for (const int vertex : {0, 100, 700}) {
         Eigen::MatrixXd rows(3, num_shape + offsets.cols());
         rows << basis.middleRows<3>(3 * vertex), offsets.middleRows<3>(3 * vertex);
@@ -407,16 +397,16 @@ TEST(VertexStandardDeviations, AreTheRootsOfTheDiagonalOfTheVertexCovariance)
         EXPECT_THAT(neutral.col(vertex), IsNear(expected_neutral, 1e-3));
     }
     EXPECT_TRUE(test::throws<InvalidArgument>(
-        [&] { (void)vertex_standard_deviations(model(), Eigen::MatrixXd::Zero(13, 13)); }, "at most 12"));
-    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)vertex_standard_deviations(model(), JointFitResult{}); },
-                                              "result.covariance"));
+        [&] { (void)vertex_standard_deviations(synthetic_face(), Eigen::MatrixXd::Zero(13, 13)); }, "at most 12"));
+    EXPECT_TRUE(test::throws<InvalidArgument>(
+        [&] { (void)vertex_standard_deviations(synthetic_face(), JointFitResult{}); }, "result.covariance"));
 }
 
 TEST(JointFitter, OneImageAmongSeveralIsFit)
 {
     Random random(148);
     const Planted planted = plant(random, 1, 2.0);
-    const JointFitter fitter(model());
+    const JointFitter fitter(synthetic_face());
     const JointFitResult one = fitter.fit(planted.images[0], centre);
     const JointFramesResult frames = fitter.fit_frames(planted.images, centre);
     EXPECT_EQ(frames.shape_coefficients, one.fit.shape_coefficients);
@@ -436,16 +426,16 @@ TEST(JointFitter, MoreImagesKnowMoreButNotWhatIsCommonToAll)
     double one = 0, ten = 0, ten_biased = 0, ten_ignoring = 0, one_biased = 0;
     for (int trial = 0; trial < 12; ++trial) {
         const Planted planted = plant(random, 10, 2.4);
-        const JointFitter fitter(model(), "ibug68", given());
-        one += shape_error(fitter.fit(planted.images[0], centre).fit.shape_coefficients, planted.alpha);
-        ten += shape_error(fitter.fit_frames(planted.images, centre).shape_coefficients, planted.alpha);
+        const JointFitter fitter(synthetic_face(), "ibug68", given());
+        one += neutral_distance_mm(fitter.fit(planted.images[0], centre).fit.shape_coefficients, planted.alpha);
+        ten += neutral_distance_mm(fitter.fit_frames(planted.images, centre).shape_coefficients, planted.alpha);
         const Planted biased = plant(random, 10, 2.4, 4.0);
         JointOptions options = given();
         options.bias_sigma_mm = 4.0;
-        const JointFitter knowing(model(), "ibug68", options);
-        one_biased += shape_error(knowing.fit(biased.images[0], centre).fit.shape_coefficients, biased.alpha);
-        ten_biased += shape_error(knowing.fit_frames(biased.images, centre).shape_coefficients, biased.alpha);
-        ten_ignoring += shape_error(fitter.fit_frames(biased.images, centre).shape_coefficients, biased.alpha);
+        const JointFitter knowing(synthetic_face(), "ibug68", options);
+        one_biased += neutral_distance_mm(knowing.fit(biased.images[0], centre).fit.shape_coefficients, biased.alpha);
+        ten_biased += neutral_distance_mm(knowing.fit_frames(biased.images, centre).shape_coefficients, biased.alpha);
+        ten_ignoring += neutral_distance_mm(fitter.fit_frames(biased.images, centre).shape_coefficients, biased.alpha);
     }
     EXPECT_LT(ten, 0.6 * one);
     EXPECT_LT(ten_biased, one_biased);
@@ -460,7 +450,7 @@ TEST(JointFitter, BiasWidthDoesNotTellTheSizeOfTheHead)
     for (int trial = 0; trial < 8; ++trial) {
         const Planted planted = plant(random, 6, 2.4);
         const JointFramesResult result =
-            JointFitter(model(), "ibug68", with_bias(2.0)).fit_frames(planted.images, centre);
+            JointFitter(synthetic_face(), "ibug68", with_bias(2.0)).fit_frames(planted.images, centre);
         for (std::size_t f = 0; f < planted.images.size(); ++f) {
             sum += result.frames[f].fit.camera.scale_px_per_mm / planted.cameras[f].scale_px_per_mm / 6;
         }
@@ -473,26 +463,28 @@ TEST(JointFitter, UnknownFocalLengthIsFoundFromSeveralNearImages)
     Random random(150);
     const Planted planted = plant(random, 8, 0.3, 0, 0.0025); // 40 cm
     JointOptions options = given(0.3);
-    const JointFramesResult orthographic = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+    const JointFramesResult orthographic =
+        JointFitter(synthetic_face(), "ibug68", options).fit_frames(planted.images, centre);
     options.focal_length_px = 500;
-    const JointFramesResult known = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+    const JointFramesResult known = JointFitter(synthetic_face(), "ibug68", options).fit_frames(planted.images, centre);
     options.focal_length_px.reset();
     options.phi_sigma_per_mm = 0.002;
-    const JointFramesResult unknown = JointFitter(model(), "ibug68", options).fit_frames(planted.images, centre);
+    const JointFramesResult unknown =
+        JointFitter(synthetic_face(), "ibug68", options).fit_frames(planted.images, centre);
     ASSERT_EQ(unknown.status, FitStatus::success) << unknown.reason;
     for (const JointFitResult& frame : unknown.frames) {
         EXPECT_NEAR(frame.fit.camera.scale_px_per_mm / frame.fit.camera.phi_per_mm, 500, 40);
     }
-    EXPECT_LT(shape_error(known.shape_coefficients, planted.alpha), 1.0);
-    EXPECT_LT(shape_error(unknown.shape_coefficients, planted.alpha), 1.2);
-    EXPECT_GT(shape_error(orthographic.shape_coefficients, planted.alpha), 1.2); // the twin
+    EXPECT_LT(neutral_distance_mm(known.shape_coefficients, planted.alpha), 1.0);
+    EXPECT_LT(neutral_distance_mm(unknown.shape_coefficients, planted.alpha), 1.2);
+    EXPECT_GT(neutral_distance_mm(orthographic.shape_coefficients, planted.alpha), 1.2); // the twin
 }
 
 TEST(IdentityFilter, SumOverImagesLinearisedAtTheJointFitIsTheJointFit)
 {
     Random random(151);
     const Planted planted = plant(random, 5, 2.0);
-    const JointFitter fitter(model(), "ibug68", given());
+    const JointFitter fitter(synthetic_face(), "ibug68", given());
     const JointFramesResult batch = fitter.fit_frames(planted.images, centre);
     ASSERT_EQ(batch.status, FitStatus::success);
     IdentityFilter filter(fitter.num_shape_coefficients());
@@ -523,7 +515,7 @@ TEST(IdentityFilter, LandmarkBiasBoundsWhatManyImagesSay)
     const Planted planted = plant(random, 1, 2.0);
     JointOptions options = given();
     options.bias_sigma_mm = 3;
-    const JointFitter fitter(model(), "ibug68", options);
+    const JointFitter fitter(synthetic_face(), "ibug68", options);
     const JointFitResult result = fitter.fit(planted.images[0], centre);
     const auto trace_after = [&](int count, bool counts_images) {
         IdentityFilter filter(fitter.num_shape_coefficients());
@@ -551,7 +543,7 @@ TEST(IdentityFilter, BrokenInputThrows)
     Random random(153);
     const Planted planted = plant(random, 1, 2.0);
     EXPECT_TRUE(test::throws<InvalidArgument>(
-        [&] { (void)JointFitter(model()).fit(planted.images[0], centre, nullptr, {}, &filter); }, "earlier"));
+        [&] { (void)JointFitter(synthetic_face()).fit(planted.images[0], centre, nullptr, {}, &filter); }, "earlier"));
 }
 
 TEST(OutlineMatch, IsTheNearestPointOfTheOutlineWithItsNormal)

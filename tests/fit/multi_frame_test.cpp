@@ -4,46 +4,24 @@
 #include "lineament/fit/multi_frame.hpp"
 
 #include "support/matchers.hpp"
-#include "support/synthetic_face.hpp"
+#include "support/planted_face.hpp"
 
 namespace lineament {
 namespace {
 
 using test::IsNear;
+using test::plant_moderate_face;
+using test::PlantedFace;
+using test::synthetic_face;
 using ::testing::Not;
-
-const MorphableModel& model()
-{
-    static const MorphableModel face = test::make_synthetic_face();
-    return face;
-}
-
-struct Planted
-{
-    Eigen::VectorXd alpha;
-    Eigen::VectorXd psi;
-    Camera camera;
-    LandmarkSet landmarks;
-};
-
-Planted plant(Random& random, double noise_px, double max_yaw_deg = 30)
-{
-    Planted planted;
-    planted.alpha = 0.5 * test::random_normal(random, model().shape.num_coefficients());
-    planted.psi = test::random_uniform(random, model().expression_sets[0].num_coefficients(), 0.0, 0.6);
-    planted.camera = test::random_camera(random, max_yaw_deg);
-    planted.landmarks =
-        test::project_landmarks(model(), "ibug68", planted.alpha, planted.psi, planted.camera, noise_px, random);
-    return planted;
-}
 
 TEST(FitFrames, OneFrameIsFitFace)
 {
     Random random(41);
-    const Planted planted = plant(random, 1.0);
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
     const std::vector<LandmarkSet> frames{planted.landmarks};
-    const MultiFrameResult many = fit_frames(model(), frames, planted.camera.principal_point_px);
-    const FitResult one = fit_face(model(), planted.landmarks, planted.camera.principal_point_px);
+    const MultiFrameResult many = fit_frames(synthetic_face(), frames, planted.camera.principal_point_px);
+    const FitResult one = fit_face(synthetic_face(), planted.landmarks, planted.camera.principal_point_px);
     EXPECT_EQ(many.shape_coefficients, one.shape_coefficients);
     EXPECT_EQ(many.frames[0].rms_px, one.rms_px);
 }
@@ -52,32 +30,32 @@ TEST(FitFrames, ThePriorCountsOnceOrOnceAFrame)
 {
     // Ten times the same picture under a prior counted ten times is one picture; under one prior it is not.
     Random random(42);
-    const Planted planted = plant(random, 1.0);
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
     const std::vector<LandmarkSet> frames(10, planted.landmarks);
     const Eigen::Vector2d centre = planted.camera.principal_point_px;
-    const Eigen::VectorXd one = fit_face(model(), planted.landmarks, centre).shape_coefficients;
+    const Eigen::VectorXd one = fit_face(synthetic_face(), planted.landmarks, centre).shape_coefficients;
     MultiFrameOptions options;
     options.prior_count = PriorCount::per_frame;
-    EXPECT_THAT(fit_frames(model(), frames, centre, options).shape_coefficients, IsNear(one, 1e-6));
-    const Eigen::VectorXd ten = fit_frames(model(), frames, centre).shape_coefficients;
+    EXPECT_THAT(fit_frames(synthetic_face(), frames, centre, options).shape_coefficients, IsNear(one, 1e-6));
+    const Eigen::VectorXd ten = fit_frames(synthetic_face(), frames, centre).shape_coefficients;
     EXPECT_THAT(ten, Not(IsNear(one, 0.05)));
     FitOptions tenth;
     tenth.regularization = 0.1; // the expressions' prior is each frame's own
-    EXPECT_THAT(ten, IsNear(fit_face(model(), planted.landmarks, centre, tenth).shape_coefficients, 1e-6));
+    EXPECT_THAT(ten, IsNear(fit_face(synthetic_face(), planted.landmarks, centre, tenth).shape_coefficients, 1e-6));
 }
 
 TEST(FitFrames, FrameWithoutAPoseIsLeftOut)
 {
     Random random(43);
-    const Planted planted = plant(random, 1.0);
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
     LandmarkSet empty;
     const std::vector<LandmarkSet> frames{planted.landmarks, empty};
-    const MultiFrameResult result = fit_frames(model(), frames, planted.camera.principal_point_px);
+    const MultiFrameResult result = fit_frames(synthetic_face(), frames, planted.camera.principal_point_px);
     EXPECT_EQ(result.num_used_frames, 1);
     EXPECT_EQ(result.frames[1].status, FitStatus::too_few_correspondences);
     EXPECT_EQ(result.shape_coefficients,
-              fit_face(model(), planted.landmarks, planted.camera.principal_point_px).shape_coefficients);
-    EXPECT_EQ(fit_frames(model(), {}, Eigen::Vector2d(0, 0)).status, FitStatus::too_few_correspondences);
+              fit_face(synthetic_face(), planted.landmarks, planted.camera.principal_point_px).shape_coefficients);
+    EXPECT_EQ(fit_frames(synthetic_face(), {}, Eigen::Vector2d(0, 0)).status, FitStatus::too_few_correspondences);
 }
 
 TEST(SelectSpreadFrames, TakesTheBestOfEachBinAndTheWidestSpread)
