@@ -51,6 +51,15 @@ void save_text(const std::string& path, const std::string& text)
     std::ofstream(path) << text;
 }
 
+Camera camera_of_picture()
+{
+    Camera camera;
+    camera.scale_px_per_mm = 1.6;
+    camera.principal_point_px = Eigen::Vector2d(320, 240);
+    camera.camera_from_model = rotation_from_angles({radians(12), radians(4), radians(-3)});
+    return camera;
+}
+
 /// A grey picture, and landmarks of the default model's mean in it.
 void save_synthetic_picture(const test::TemporaryFolder& folder, const std::string& stem)
 {
@@ -63,12 +72,8 @@ void save_synthetic_picture(const test::TemporaryFolder& folder, const std::stri
     save_png(folder / (stem + ".png"), picture);
     const MorphableModel model = load_model(default_model_path());
     Random random(11);
-    Camera camera;
-    camera.scale_px_per_mm = 1.6;
-    camera.principal_point_px = Eigen::Vector2d(320, 240);
-    camera.camera_from_model = rotation_from_angles({radians(12), radians(4), radians(-3)});
     const LandmarkSet set = test::project_landmarks(model, "ibug68", Eigen::VectorXd::Zero(0), Eigen::VectorXd::Zero(0),
-                                                    camera, 0.3, random);
+                                                    camera_of_picture(), 0.3, random);
     save_landmarks(folder / (stem + ".json"), set, picture.width, picture.height);
 }
 
@@ -163,6 +168,33 @@ TEST(CommandLine, FitWritesEveryPromisedFile)
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder.path())) {
         EXPECT_EQ(entry.path().string().find(".part"), std::string::npos) << entry.path();
     }
+}
+
+TEST(CommandLine, FitTakesTheResultFileOfMediapipe)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "x");
+    const MorphableModel model = load_model(default_model_path());
+    Random random(12);
+    const LandmarkSet set = test::project_landmarks(model, "mediapipe478", Eigen::VectorXd::Zero(0),
+                                                    Eigen::VectorXd::Zero(0), camera_of_picture(), 0.3, random);
+    nlohmann::json points;
+    for (const Landmark& landmark : set.landmarks) { // normalised by the size of the picture
+        points.push_back({{"x", landmark.point_px.x() / 640}, {"y", landmark.point_px.y() / 480}, {"z", 0.0}});
+    }
+    save_text(folder / "mesh.json", nlohmann::json{{"faceLandmarks", nlohmann::json::array({points})}}.dump());
+    const Outcome outcome = run(folder, "fit x.png --landmarks mesh.json -o out --no-report");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.error;
+    const auto fit = nlohmann::json::parse(read_all(folder / "out/x/fit.json"))["faces"][0];
+    EXPECT_EQ(fit["status"], "success");
+    EXPECT_EQ(fit["landmarks"].size(), 478U);
+    EXPECT_NEAR(fit["pose"]["yaw_deg"].get<double>(), 12.0, 1.0);
+    EXPECT_NEAR(fit["pose"]["pitch_deg"].get<double>(), 4.0, 1.0);
+    points.erase(points.size() - 1); // the twin: 477 points are no result of MediaPipe
+    save_text(folder / "mesh.json", nlohmann::json{{"faceLandmarks", nlohmann::json::array({points})}}.dump());
+    const Outcome broken = run(folder, "fit x.png --landmarks mesh.json -o out2 --no-report");
+    EXPECT_EQ(broken.exit_code, 3) << broken.error;
+    EXPECT_NE(broken.error.find("477"), std::string::npos) << broken.error;
 }
 
 TEST(CommandLine, AFailedInputDoesNotStopTheOthers)
