@@ -4,7 +4,7 @@
 
 #include "lineament/camera/angles.hpp"
 #include "support/matchers.hpp"
-#include "support/planted_face.hpp"
+#include "support/synthetic_face.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -14,9 +14,7 @@
 namespace lineament {
 namespace {
 
-using test::synthetic_face;
-
-const MorphableModel& synthetic_face()
+const MorphableModel& model()
 {
     static const MorphableModel face = test::make_synthetic_face({.half_columns = 24, .half_rows = 24});
     return face;
@@ -24,7 +22,7 @@ const MorphableModel& synthetic_face()
 
 Eigen::Matrix3Xf mean_vertices()
 {
-    return synthetic_face().mesh_of(synthetic_face().shape.mean).vertices;
+    return model().mesh_of(model().shape.mean).vertices;
 }
 
 Camera camera_at(double yaw_deg, double pitch_deg = 0)
@@ -38,7 +36,7 @@ Camera camera_at(double yaw_deg, double pitch_deg = 0)
 /// Silhouette vertices by definition: every pair of triangles that share an edge, with normals in camera space.
 std::set<int> silhouette_by_definition(const Eigen::Matrix3Xf& shape, const Camera& camera, FaceSide side)
 {
-    const Eigen::Matrix3Xi& triangles = synthetic_face().levels.back().triangles;
+    const Eigen::Matrix3Xi& triangles = model().levels.back().triangles;
     const Eigen::Vector3d axis = camera.camera_from_model.row(2);
     const auto faces = [&](Eigen::Index t) {
         const Eigen::Vector3d a = shape.col(triangles(0, t)).cast<double>();
@@ -55,7 +53,7 @@ std::set<int> silhouette_by_definition(const Eigen::Matrix3Xf& shape, const Came
         }
     }
     const Eigen::Matrix3Xf mean = mean_vertices();
-    const Eigen::Matrix3Xf points = synthetic_face().landmark_maps[0].points_on(mean);
+    const Eigen::Matrix3Xf points = model().landmark_maps[0].points_on(mean);
     const float top = std::max(points(1, 0), points(1, 16)) + 15;
     const float mouth = std::min(points(1, 48), points(1, 54));
     const auto is_inside = [&](int vertex) {
@@ -75,7 +73,7 @@ std::set<int> silhouette_by_definition(const Eigen::Matrix3Xf& shape, const Came
 bool is_hidden(const Eigen::Matrix3Xf& shape, const Camera& camera, int vertex, double depth_mm)
 {
     const Eigen::Matrix3Xd seen = camera.camera_from_model * shape.cast<double>();
-    const Eigen::Matrix3Xi& triangles = synthetic_face().levels.front().triangles;
+    const Eigen::Matrix3Xi& triangles = model().levels.front().triangles;
     for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
         Eigen::Matrix3d corners;
         for (int corner = 0; corner < 3; ++corner) {
@@ -100,7 +98,7 @@ bool is_hidden(const Eigen::Matrix3Xf& shape, const Camera& camera, int vertex, 
 
 TEST(ContourModel, SilhouetteIsWhatTheDefinitionSays)
 {
-    const ContourModel contour(synthetic_face());
+    const ContourModel contour(model());
     for (const double yaw_deg : {20.0, 35.0, 50.0, 70.0}) {
         for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
             const Camera camera = camera_at(side == FaceSide::left ? yaw_deg : -yaw_deg, 5);
@@ -117,12 +115,12 @@ TEST(ContourModel, HiddenVerticesAreThoseARayFinds)
 {
     // A nose of 120 mm hides part of the far cheek.
     Eigen::Matrix3Xf shape = mean_vertices();
-    const Eigen::Vector3f tip = shape.col(synthetic_face().landmark_maps[0].vertices(0, 30));
+    const Eigen::Vector3f tip = shape.col(model().landmark_maps[0].vertices(0, 30));
     for (Eigen::Index v = 0; v < shape.cols(); ++v) {
         const float squared = (shape.col(v) - tip).head<2>().squaredNorm();
         shape(2, v) += 120 * std::exp(-squared / (2 * 12.0f * 12.0f));
     }
-    const ContourModel contour(synthetic_face());
+    const ContourModel contour(model());
     int num_hidden = 0, num_all = 0, num_agreed = 0;
     for (const double yaw_deg : {35.0, 50.0, 60.0, 70.0}) {
         const Camera camera = camera_at(yaw_deg);
@@ -142,26 +140,26 @@ TEST(ContourModel, HiddenVerticesAreThoseARayFinds)
 
 TEST(ContourModel, ReadsOnlyTheVerticesItNames)
 {
-    const ContourModel contour(synthetic_face());
+    const ContourModel contour(model());
     Eigen::Matrix3Xf partial =
-        Eigen::Matrix3Xf::Constant(3, synthetic_face().num_vertices(), std::numeric_limits<float>::quiet_NaN());
+        Eigen::Matrix3Xf::Constant(3, model().num_vertices(), std::numeric_limits<float>::quiet_NaN());
     const Eigen::Index count = contour.num_occluder_vertices();
     partial.leftCols(count) = mean_vertices().leftCols(count);
     for (const int vertex : contour.region_vertices(FaceSide::left)) {
         partial.col(vertex) = mean_vertices().col(vertex);
     }
     EXPECT_LT(count + static_cast<Eigen::Index>(contour.region_vertices(FaceSide::left).size()),
-              synthetic_face().num_vertices());
+              model().num_vertices());
     EXPECT_EQ(contour.silhouette_vertices(partial, camera_at(40), FaceSide::left),
               contour.silhouette_vertices(mean_vertices(), camera_at(40), FaceSide::left));
 }
 
 TEST(ContourModel, MirroredPoseGivesTheMirroredSilhouette)
 {
-    const ContourModel contour(synthetic_face());
+    const ContourModel contour(model());
     std::set<int> mirrored;
     for (const int vertex : contour.silhouette_vertices(mean_vertices(), camera_at(40), FaceSide::left)) {
-        mirrored.insert(synthetic_face().mirror[vertex]);
+        mirrored.insert(model().mirror[vertex]);
     }
     const std::vector<int> right = contour.silhouette_vertices(mean_vertices(), camera_at(-40), FaceSide::right);
     EXPECT_EQ(std::set<int>(right.begin(), right.end()), mirrored);
@@ -210,7 +208,7 @@ LandmarkSet outline_landmarks(const ContourModel& contour, const Camera& camera,
 
 TEST(MatchContour, TiesLandmarksToTheVerticesTheyWereMadeFrom)
 {
-    const ContourModel contour(synthetic_face());
+    const ContourModel contour(model());
     for (const double yaw_deg : {40.0, -40.0}) {
         const Camera camera = camera_at(yaw_deg);
         const LandmarkSet set = outline_landmarks(contour, camera, yaw_deg > 0 ? FaceSide::left : FaceSide::right);
@@ -232,7 +230,7 @@ TEST(MatchContour, TiesLandmarksToTheVerticesTheyWereMadeFrom)
 
 TEST(MatchContour, DropsSilhouetteMatchesBeyondTheDistance)
 {
-    const ContourModel contour(synthetic_face());
+    const ContourModel contour(model());
     const Camera camera = camera_at(40);
     LandmarkSet set = outline_landmarks(contour, camera, FaceSide::left);
     for (Landmark& landmark : set.landmarks) {
@@ -247,10 +245,10 @@ TEST(MatchContour, DropsSilhouetteMatchesBeyondTheDistance)
 
 TEST(MatchContour, BrokenInputThrows)
 {
-    const ContourModel contour(synthetic_face());
+    const ContourModel contour(model());
     const Eigen::Matrix3Xf few = mean_vertices().leftCols(5);
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)match_contour(contour, few, {}, {}); }, "shape_vertices"));
-    MorphableModel bare = synthetic_face();
+    MorphableModel bare = model();
     bare.landmark_maps.clear();
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)ContourModel(bare); }, "ibug68"));
 }
