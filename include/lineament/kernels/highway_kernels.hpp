@@ -360,6 +360,7 @@ inline float solve_positive(float* system, int n, int width, float* x)
         return scalar::solve_positive(system, n, width, x);
     }
     const Floats d;
+    const hn::CappedTag<float, 4> four;
     alignas(64) float factors[4 * max_size]; // U(k, i + q) / D(k) at 4 k + q
     float inverses[max_size + 4];
     float least = 1;
@@ -371,10 +372,8 @@ inline float solve_positive(float* system, int n, int width, float* x)
         float* r3 = r2 + width;
         const float diagonal[4] = {r0[i], r1[i + 1], r2[i + 2], r3[i + 3]};
         for (int k = 0; k < i; ++k) {
-            const float* above = system + k * width + i;
-            for (int q = 0; q < 4; ++q) {
-                factors[4 * k + q] = above[q] * inverses[k];
-            }
+            hn::Store(hn::Mul(hn::Set(four, inverses[k]), hn::Load(four, system + k * width + i)), four,
+                      factors + 4 * k);
         }
         subtract_products(system, factors, i, width, r0);
 
