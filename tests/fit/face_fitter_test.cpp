@@ -256,7 +256,8 @@ TEST(FaceFitter, NoiseOfTheLandmarkMapReplacesTheSigmasOfTheOptions)
     const auto fit_with = [&](const Eigen::VectorXf& noise_mm) {
         return fit_face(model_with_noise(noise_mm), planted.landmarks, centre); // default options
     };
-    const FitResult same = fit_with(Eigen::VectorXf::Constant(count, 2.0f));
+    const float sigma_mm = static_cast<float>(fixed_points().landmark_sigma_mm);
+    const FitResult same = fit_with(Eigen::VectorXf::Constant(count, sigma_mm));
     EXPECT_EQ(same.shape_coefficients, stated.shape_coefficients);
     EXPECT_EQ(same.expression_coefficients, stated.expression_coefficients);
     // The twin: another noise gives another face, the larger the nearer to the mean.
