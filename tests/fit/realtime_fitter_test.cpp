@@ -181,7 +181,11 @@ TEST(RealtimeFitter, AgreesWithFaceFitterAtOtherSizesAndOptions)
         Bench bench(small_model(), options);
         for (int trial = 0; trial < 20; ++trial) {
             const Planted planted = plant(small_model(), random);
-            const FitResult reference = bench.reference(planted);
+            // Without coefficients FaceFitter::fit has Eigen multiply empty matrices, which sanitizers dislike.
+            const FitResult reference = options.num_shape_coefficients == 0
+                                            ? bench.fitter.reference().fit_pose_and_expression(
+                                                  planted.landmarks, planted.camera.principal_point_px, {})
+                                            : bench.reference(planted);
             expect_same(bench.fit(planted), reference, small_model(), 1.0);
         }
     }
