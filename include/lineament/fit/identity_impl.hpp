@@ -43,6 +43,9 @@ LINEAMENT_FIT_INLINE void IdentitySystem::add(const ModelPoints& points,
         residuals.segment<2>(2 * i) = root * (image_points.col(i) - camera.project(point));
         num_points_ += weights[i] > 0;
     }
+    if (gram_.rows() == 0) {
+        return; // no identity to fit
+    }
     residuals.noalias() += rows.topRows(linearization.size()).transpose() * linearization; // back to a = 0
     gram_.selfadjointView<Eigen::Lower>().rankUpdate(rows);
     right_side_.noalias() += rows * residuals;
