@@ -42,5 +42,6 @@ set(definitions
     realtime_fitter_impl.hpp
     realtime_pack_impl.hpp
     realtime_result_impl.hpp
+    realtime_solve_impl.hpp
     silhouette_impl.hpp
 )

@@ -1,0 +1,306 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Identity and expressions of RealtimeFit, and what of them is left to double precision.
+#include "lineament/fit/realtime_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_REALTIME_SOLVE_IMPL_HPP
+#define LINEAMENT_FIT_REALTIME_SOLVE_IMPL_HPP
+
+#include <algorithm>
+#include <cmath>
+
+namespace lineament::detail {
+
+/// For the present shape: factors of the rows of fixed points, w J^T (y - x), and the weighted residuals of matches.
+inline void RealtimeFit::update_residuals()
+{
+    const double s = camera_.scale_px_per_mm;
+    const Eigen::Matrix3d& r = camera_.camera_from_model;
+    const double ax = s * r(0, 0), ay = s * r(0, 1), az = s * r(0, 2), a0 = s * camera_.translation_mm.x();
+    const double bx = s * r(1, 0), by = s * r(1, 1), bz = s * r(1, 2), b0 = s * camera_.translation_mm.y();
+    for (int i = 0; i < pack_.fixed.num_points; ++i) {
+        const double x = work_.fixed[3 * i], y = work_.fixed[3 * i + 1], z = work_.fixed[3 * i + 2];
+        const double weight = fixed_weight(i);
+        const double du = weight * (work_.fixed_u[i] - (ax * x + ay * y + az * z + a0));
+        const double dv = weight * (work_.fixed_v[i] - (bx * x + by * y + bz * z + b0));
+        work_.factors[3 * i] = static_cast<float>(ax * du + bx * dv);
+        work_.factors[3 * i + 1] = static_cast<float>(ay * du + by * dv);
+        work_.factors[3 * i + 2] = static_cast<float>(az * du + bz * dv);
+    }
+    for (std::size_t i = 0; i < work_.matches.size(); ++i) {
+        const RealtimeMatch& match = work_.matches[i];
+        const float* p = work_.match_positions.data() + 3 * i;
+        const double x = p[0], y = p[1], z = p[2];
+        const double root = std::sqrt(scale_factor_ * match.information);
+        work_.residuals[2 * i] = static_cast<float>(root * (match.u - (ax * x + ay * y + az * z + a0)));
+        work_.residuals[2 * i + 1] = static_cast<float>(root * (match.v - (bx * x + by * y + bz * z + b0)));
+    }
+}
+
+/// sum w (J B)^T J B of all points; leaves the projected rows of the matches in work_.rows.
+inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int width,
+                                           const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram)
+{
+    const bool is_identity = &grams == &pack_.identity_grams;
+    if (is_nominal_) {
+        const double s = camera_.scale_px_per_mm;
+        const double f = scale_factor_ * s * s;
+        const double x = camera_.camera_from_model(2, 0), y = camera_.camera_from_model(2, 1);
+        const double z = camera_.camera_from_model(2, 2);
+        const float scales[6] = {static_cast<float>(f * (1 - x * x)), static_cast<float>(f * (1 - y * y)),
+                                 static_cast<float>(f * (1 - z * z)), static_cast<float>(-f * x * y),
+                                 static_cast<float>(-f * x * z),      static_cast<float>(-f * y * z)};
+        kernels_.combine_grams(grams.data(), width, scales, gram.data());
+    } else {
+        std::fill_n(gram.data(), static_cast<std::size_t>(width) * width, 0.0f);
+        work_.present.clear();
+        work_.roots.clear();
+        for (int i = 0; i < pack_.fixed.num_points; ++i) {
+            if (work_.landmark_of_fixed[i] >= 0) {
+                work_.present.push_back(i);
+                work_.roots.push_back(static_cast<float>(std::sqrt(fixed_weight(i))));
+            }
+        }
+        kernels_.project_rows((is_identity ? fixed_rows.identity : fixed_rows.expression).data(), width,
+                              work_.present.data(), num_fixed_seen_, jacobian_, work_.roots.data(), work_.rows.data());
+        kernels_.add_gram(work_.rows.data(), 2 * num_fixed_seen_, width, gram.data());
+    }
+    work_.roots.clear();
+    for (const RealtimeMatch& match : work_.matches) {
+        work_.roots.push_back(static_cast<float>(std::sqrt(scale_factor_ * match.information)));
+    }
+    const int count = static_cast<int>(work_.matches.size());
+    kernels_.project_rows(contour_rows.data(), width, work_.match_rows.data(), count, jacobian_, work_.roots.data(),
+                          work_.rows.data());
+    kernels_.add_gram(work_.rows.data(), 2 * count, width, gram.data());
+}
+
+/// work_.right_side += sum w (J B)^T (y - x), with the projected rows of add_normal_matrix.
+inline void RealtimeFit::add_right_side(const AlignedBuffer<float>& fixed_rows, int width)
+{
+    kernels_.add_rows(fixed_rows.data(), 3 * pack_.fixed.num_points, width, work_.factors.data(),
+                      work_.right_side.data());
+    kernels_.add_rows(work_.rows.data(), 2 * static_cast<int>(work_.matches.size()), width, work_.residuals.data(),
+                      work_.right_side.data());
+}
+
+inline void RealtimeFit::fit_identity()
+{
+    const IdentityOptions defaults;
+    const double regularization = fitter_.reference_.options().regularization;
+    const int width = pack_.shape_width;
+    const int m = pack_.num_shape;
+    identity_status_ = FitStatus::success;
+    if (m > 0) {
+        update_residuals();
+        add_normal_matrix(pack_.identity_grams, pack_.fixed_rows, width, pack_.contour_rows.identity, work_.system);
+        std::fill_n(work_.right_side.data(), width, 0.0f);
+        add_right_side(pack_.fixed_rows.identity, width);
+        for (int j = 0; j < m; ++j) {
+            const std::size_t row = static_cast<std::size_t>(j) * width;
+            work_.system[row + j] += static_cast<float>(regularization);
+            work_.system[row + m] = static_cast<float>(work_.right_side[j] - regularization * work_.alpha[j]);
+        }
+        bool is_inside = kernels_.solve_positive(work_.system.data(), m, width, work_.step.data()) > least_pivot;
+        for (int j = 0; j < m && is_inside; ++j) {
+            is_inside = std::abs(work_.alpha[j] + work_.step[j]) < defaults.max_coefficient;
+        }
+        if (is_inside) {
+            for (int j = 0; j < m; ++j) {
+                work_.alpha[j] += work_.step[j];
+            }
+        } else {
+            fit_identity_in_double();
+        }
+    }
+    update_rows();
+    update_fixed_neutral();
+    update_matches_neutral();
+    update_positions();
+}
+
+inline void RealtimeFit::fit_expression()
+{
+    if (pack_.num_expressions == 0) {
+        return;
+    }
+    if (!solve_expression()) {
+        fit_expression_in_double();
+    }
+    const double upper = fitter_.reference_.options().max_expression;
+    num_held_ = 0;
+    for (int j = 0; j < pack_.num_expressions; ++j) {
+        num_held_ += work_.psi[j] >= upper;
+    }
+    update_rows();
+    update_positions();
+}
+
+/// Block principal pivoting (Portugal, Judice and Vicente 1994) on the step from the present psi, from the set that was
+/// free in the solve before. False if it does not settle or the system is singular to single precision.
+inline bool RealtimeFit::solve_expression()
+{
+    const FitOptions& options = fitter_.reference_.options();
+    const int k = pack_.num_expressions;
+    const int width = pack_.expression_width;
+    update_residuals();
+    add_normal_matrix(pack_.expression_grams, pack_.fixed_rows, width, pack_.contour_rows.expression, work_.gram);
+    std::fill_n(work_.right_side.data(), width, 0.0f);
+    add_right_side(pack_.fixed_rows.expression, width);
+
+    const double precision = 1 / (options.expression_sigma * options.expression_sigma);
+    float* gram = work_.gram.data();
+    for (int i = 0; i < k; ++i) {
+        for (int j = 0; j < i; ++j) {
+            gram[i * width + j] = gram[j * width + i];
+        }
+        gram[i * width + i] += static_cast<float>(precision);
+        work_.right_side[i] = static_cast<float>(work_.right_side[i] - precision * work_.psi[i]);
+    }
+    int fewest = k + 1;
+    int patience = 3;
+    for (int round = 0; round < 60; ++round) {
+        // Those at a bound make their step; the rest solve for theirs.
+        work_.free.clear();
+        for (int j = 0; j < k; ++j) {
+            work_.step[j] = 0;
+            if (work_.bound_state[j] == 0) {
+                work_.free.push_back(j);
+            } else {
+                const double goal = work_.bound_state[j] < 0 ? 0.0 : options.max_expression;
+                work_.step[j] = static_cast<float>(goal - work_.psi[j]);
+            }
+        }
+        std::fill_n(work_.gradient.data(), width, 0.0f);
+        kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
+        const int num_free = static_cast<int>(work_.free.size());
+        if (num_free > 0) {
+            const int system_width = kernels::round_up(num_free + 1, kernels::width_step);
+            float* system = work_.system.data();
+            std::fill_n(system, static_cast<std::size_t>(num_free) * system_width, 0.0f);
+            for (int i = 0; i < num_free; ++i) {
+                const float* from = gram + work_.free[i] * width;
+                for (int j = i; j < num_free; ++j) {
+                    system[i * system_width + j] = from[work_.free[j]];
+                }
+                system[i * system_width + num_free] = work_.right_side[work_.free[i]] - work_.gradient[work_.free[i]];
+            }
+            float* solution = work_.free_step.data();
+            if (!(kernels_.solve_positive(system, num_free, system_width, solution) > least_pivot)) {
+                return false;
+            }
+            for (int i = 0; i < num_free; ++i) {
+                work_.step[work_.free[i]] = solution[i];
+            }
+            std::fill_n(work_.gradient.data(), width, 0.0f);
+            kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
+        }
+        int num_wrong = 0;
+        int last_wrong = -1;
+        for (int j = 0; j < k; ++j) {
+            const float gradient = work_.gradient[j] - work_.right_side[j];
+            const double value = work_.psi[j] + work_.step[j];
+            const signed char state = work_.bound_state[j];
+            signed char next = state;
+            if (state == 0) {
+                next = value < 0 ? -1 : value > options.max_expression ? 1 : 0;
+            } else if (state * gradient >
+                       3e-7f * (std::abs(work_.right_side[j]) + std::abs(work_.gradient[j]) + gram[j * width + j])) {
+                // more than the rounding of its terms
+                next = 0;
+            }
+            work_.next_state[j] = next;
+            if (next != state) {
+                ++num_wrong;
+                last_wrong = j;
+            }
+        }
+        if (num_wrong == 0) {
+            for (int j = 0; j < k; ++j) {
+                const signed char state = work_.bound_state[j];
+                work_.psi[j] = state < 0   ? 0.0
+                               : state > 0 ? options.max_expression
+                                           : work_.psi[j] + static_cast<double>(work_.step[j]);
+            }
+            return true;
+        }
+        if (num_wrong < fewest) {
+            fewest = num_wrong;
+            patience = 3;
+        } else {
+            --patience;
+        }
+        if (patience >= 0) {
+            work_.bound_state.swap(work_.next_state);
+        } else { // one at a time, so that it ends
+            work_.bound_state[last_wrong] = work_.next_state[last_wrong];
+        }
+    }
+    return false;
+}
+
+inline RealtimeFit::Reference RealtimeFit::reference_points() const
+{
+    const Eigen::Index count = num_fixed_seen_ + static_cast<Eigen::Index>(work_.matches.size());
+    Reference reference;
+    reference.points = ModelPoints::sized(count, pack_.num_shape, pack_.num_expressions);
+    reference.image_points.resize(2, count);
+    reference.weights.resize(count);
+    Eigen::Index to = 0;
+    for (int i = 0; i < pack_.fixed.num_points; ++i) {
+        const int landmark = work_.landmark_of_fixed[i];
+        if (landmark >= 0) {
+            reference.points.assign(to, fitter_.reference_.landmark_points(), work_.map_indices[landmark]);
+            reference.image_points.col(to) = landmarks_.landmarks[landmark].point_px;
+            reference.weights[to] = fixed_weight(i);
+            ++to;
+        }
+    }
+    for (std::size_t i = 0; i < work_.matches.size(); ++i, ++to) {
+        const RealtimeMatch& match = work_.matches[i];
+        fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[work_.match_rows[i]]);
+        reference.image_points.col(to) = landmarks_.landmarks[match.landmark_index].point_px;
+        reference.weights[to] = scale_factor_ * match.information;
+    }
+    return reference;
+}
+
+inline void RealtimeFit::fit_identity_in_double()
+{
+    ++workspace_.num_reference_solves_;
+    const Reference reference = reference_points();
+    IdentityOptions options;
+    options.regularization = fitter_.reference_.options().regularization;
+    const IdentityResult solved =
+        lineament::fit_identity(reference.points, reference.image_points, camera_, reference.weights,
+                                Eigen::Map<const Eigen::VectorXd>(work_.psi.data(), pack_.num_expressions), options);
+    identity_status_ = solved.status;
+    identity_reason_ = solved.reason;
+    std::copy_n(solved.coefficients.data(), pack_.num_shape, work_.alpha.begin());
+}
+
+inline void RealtimeFit::fit_expression_in_double()
+{
+    ++workspace_.num_reference_solves_;
+    const Reference reference = reference_points();
+    ExpressionOptions options;
+    options.upper_bound = fitter_.reference_.options().max_expression;
+    options.prior_standard_deviations =
+        Eigen::VectorXd::Constant(pack_.num_expressions, fitter_.reference_.options().expression_sigma);
+    const ExpressionResult solved =
+        lineament::fit_expression(reference.points, reference.image_points, camera_, reference.weights,
+                                  Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape), options);
+    std::copy_n(solved.coefficients.data(), pack_.num_expressions, work_.psi.begin());
+    if (solved.status != FitStatus::success) {
+        status_ = solved.status;
+        reason_ = solved.reason;
+    }
+    for (int j = 0; j < pack_.num_expressions; ++j) {
+        work_.bound_state[j] = work_.psi[j] <= 0 ? -1 : work_.psi[j] >= options.upper_bound ? 1 : 0;
+    }
+}
+
+} // namespace lineament::detail
+
+#endif
