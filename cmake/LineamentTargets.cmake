@@ -14,6 +14,14 @@ function(lineament_private_flags target)
                                              -ffp-contract=off $<$<BOOL:${LINEAMENT_WARNINGS_AS_ERRORS}>:-Werror>)
 endfunction()
 
+# Compiles Eigen and the standard headers that most files include once for the target.
+function(lineament_precompile target)
+    target_precompile_headers(${target} PRIVATE <Eigen/Dense> <algorithm> <array> <cmath> <filesystem> <map> <optional>
+                                                <string> <vector> ${ARGN})
+    # Lets ccache see what a file includes besides.
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+endfunction()
+
 # Declares include/lineament/<module>/*.hpp of the named modules as the public headers of <target>.
 # The headers are listed in include/lineament/<module>/headers.cmake: `headers`, and `definitions` for those that only
 # hold the definitions of others, which include them.
@@ -46,6 +54,7 @@ function(lineament_library module)
     target_compile_features(lineament_${module} PUBLIC cxx_std_20)
     lineament_public_headers(lineament_${module} PUBLIC ${module})
     lineament_private_flags(lineament_${module})
+    lineament_precompile(lineament_${module})
 endfunction()
 
 # A GoogleTest program tests/<module>/<module>_tests with the given sources and libraries:
@@ -56,5 +65,6 @@ function(lineament_test module)
     target_link_libraries(${module}_tests PRIVATE ${test_LIBRARIES} lineament_test_support GTest::gmock GTest::gtest_main)
     lineament_private_flags(${module}_tests)
     target_precompile_headers(${module}_tests REUSE_FROM lineament_test_support)
+    target_compile_options(${module}_tests PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
     gtest_discover_tests(${module}_tests TEST_PREFIX "${module}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endfunction()
