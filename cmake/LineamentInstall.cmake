@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Lineament authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Installation and the package files behind find_package(lineament CONFIG [COMPONENTS core kernels io report build vision]).
+# Installation and the package files behind find_package(lineament CONFIG [COMPONENTS core kernels fit io report build vision]).
 include(CMakePackageConfigHelpers)
 
 set(lineament_config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/lineament)

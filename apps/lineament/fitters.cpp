@@ -53,6 +53,7 @@ JointOptions joint_options(const ModelOptions& options)
     return fit;
 }
 
+/// The result with what the method says of its uncertainty.
 Fitted with_evidence(const JointFitResult& joint)
 {
     Fitted fitted{joint.fit, {}, joint.unobservable_expressions};
@@ -79,10 +80,6 @@ void move_to(FitResult& fit, const Eigen::Vector2d& principal_point_px)
         landmark.fitted_px += step_px;
     }
 }
-
-} // namespace
-
-namespace {
 
 /// The thesis's fit of the frames of a video, one after the other.
 struct FrameFitter
@@ -118,13 +115,12 @@ struct Fitters::Implementation
     /// nullptr for what it does not do: a perspective camera.
     FrameFitter* frame_fitter(const std::string& scheme)
     {
-        const FitOptions fit = thesis_options(options);
-        if (fit.focal_length_px) {
+        if (options.focal_px > 0.0) {
             return nullptr;
         }
         auto known = frame_fitters.find(scheme);
         if (known == frame_fitters.end()) {
-            RealtimeFitter fitter(*model, scheme, fit, kernels::dispatched_kernels());
+            RealtimeFitter fitter(*model, scheme, thesis_options(options), kernels::dispatched_kernels());
             known = frame_fitters.emplace(scheme, FrameFitter(std::move(fitter))).first;
         }
         return &known->second;

@@ -239,23 +239,10 @@ struct Block
         d0 = hn::MulAdd(fd, v0, d0);
         d1 = hn::MulAdd(fd, v1, d1);
     }
-    HWY_INLINE void subtract(const float* factors, const float* row)
+    HWY_INLINE void subtract(const float* factors, const float* row) // same bits as a - f v: only a sign moves
     {
-        const Floats d;
-        const Vector v0 = hn::Load(d, row);
-        const Vector v1 = hn::Load(d, row + lanes);
-        const Vector fa = hn::Set(d, factors[0]);
-        a0 = hn::NegMulAdd(fa, v0, a0);
-        a1 = hn::NegMulAdd(fa, v1, a1);
-        const Vector fb = hn::Set(d, factors[1]);
-        b0 = hn::NegMulAdd(fb, v0, b0);
-        b1 = hn::NegMulAdd(fb, v1, b1);
-        const Vector fc = hn::Set(d, factors[2]);
-        c0 = hn::NegMulAdd(fc, v0, c0);
-        c1 = hn::NegMulAdd(fc, v1, c1);
-        const Vector fd = hn::Set(d, factors[3]);
-        d0 = hn::NegMulAdd(fd, v0, d0);
-        d1 = hn::NegMulAdd(fd, v1, d1);
+        const float negated[4] = {-factors[0], -factors[1], -factors[2], -factors[3]};
+        add(negated, row);
     }
 };
 
