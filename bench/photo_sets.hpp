@@ -2,14 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "measures.hpp"
+
 #include "lineament/core/landmarks.hpp"
 #include "lineament/io/landmark_file.hpp"
 
 #include <Eigen/Core>
 
-#include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -69,26 +69,6 @@ inline constexpr double other_face_percent = 35.0;
         sum += (found.find(name)->point_px - truth.find(name)->point_px).norm();
     }
     return 100.0 * sum / ((69 - first) * (truth.find("37")->point_px - truth.find("46")->point_px).norm());
-}
-
-/// 0 for no values.
-[[nodiscard]] inline double quantile(std::vector<double> values, double part)
-{
-    std::sort(values.begin(), values.end());
-    return values.empty() ? 0.0 : values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)];
-}
-
-[[nodiscard]] inline double median(const std::vector<double>& values)
-{
-    return quantile(values, 0.5);
-}
-
-/// Processor time of this thread: does not count what other programs and the decoder's threads take.
-[[nodiscard]] inline double thread_ms()
-{
-    timespec time = {};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return 1000.0 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
 }
 
 } // namespace lineament::bench

@@ -6,11 +6,11 @@
 // the mask "face" in mm, with means and standard errors, as tables in Markdown.       docs/joint-fit.md
 //
 //   planted_bench [--model FILE] [--subjects N] [--only WORD]
-#include "lineament/core/procrustes.hpp"
+#include "planted.hpp"
+
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/io/model_file.hpp"
-#include "support/synthetic_face.hpp"
 
 #include <chrono>
 #include <cmath>
@@ -25,47 +25,21 @@ namespace {
 
 using namespace lineament;
 
-constexpr double outer_eye_px = 100.0;
+using bench::centre;
+using bench::Mean;
+using bench::outer_eye_px;
+using bench::Protocol;
+using bench::Subject;
 
-MorphableModel* loaded_model = nullptr;
+const bench::PlantedFaces* planted = nullptr;
 const MorphableModel& model()
 {
-    return *loaded_model;
+    return planted->model();
 }
-std::vector<int> face_vertices;
-double mean_scale; ///< px/mm at which the mean face's outer eye corners are 100 px apart.
-
-Eigen::Matrix3Xd face_of(const Eigen::VectorXf& shape)
+std::vector<Subject> draw_subjects(const Protocol& protocol, int count)
 {
-    const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model().num_vertices());
-    return vertices(Eigen::all, face_vertices).cast<double>();
+    return planted->draw_subjects(protocol, count);
 }
-
-double outer_eye_mm(const Eigen::VectorXf& shape)
-{
-    const LandmarkMap& map = *model().find_landmark_map("ibug68");
-    const Eigen::Matrix3Xf points =
-        map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, model().num_vertices()));
-    return (points.col(map.index_of("37")) - points.col(map.index_of("46"))).norm();
-}
-
-/// Mean and standard error of what is added.
-struct Mean
-{
-    double sum = 0, squares = 0;
-    int count = 0;
-    void add(double value)
-    {
-        sum += value;
-        squares += value * value;
-        ++count;
-    }
-    [[nodiscard]] double mean() const { return sum / count; }
-    [[nodiscard]] double error() const
-    {
-        return std::sqrt(std::max(0.0, squares / count - mean() * mean()) / std::max(1, count - 1));
-    }
-};
 
 /// Errors of neutral shapes: similarity Procrustes over the face, mean vertex distance; the same without scale; and the
 /// ratio of estimated to true scale of the camera.
@@ -75,13 +49,8 @@ struct Errors
     int num_success = 0, num_fits = 0;
     void add(const Eigen::VectorXd& alpha, const Eigen::VectorXd& truth, FitStatus status, double ratio)
     {
-        const Eigen::Matrix3Xd target = face_of(model().shape.instance(truth));
-        const Eigen::Matrix3Xd source = face_of(model().shape.instance(alpha));
-        const auto distance = [&](AlignmentScale alignment_scale) {
-            return (align_points(source, target, alignment_scale) * source - target).colwise().norm().mean();
-        };
-        aligned.add(distance(AlignmentScale::free));
-        metrical.add(distance(AlignmentScale::fixed));
+        aligned.add(planted->error_mm(alpha, truth));
+        metrical.add(planted->error_mm(alpha, truth, AlignmentScale::fixed));
         scale_ratio.add(ratio);
         num_success += status == FitStatus::success;
         ++num_fits;
@@ -101,75 +70,6 @@ void print_header(const char* title)
                 "| --- | --- | --- | --- | --- | --- |\n",
                 title);
 }
-
-struct Subject
-{
-    Eigen::VectorXd alpha;
-    std::vector<Camera> cameras;
-    std::vector<LandmarkSet> images;
-};
-
-struct Protocol
-{
-    int num_images = 1;
-    double noise_px = 2.8;
-    double bias_mm = 0;     ///< Standard deviation per landmark and axis, the same in all images of a subject.
-    double wild_share = 0;  ///< Of landmarks displaced uniformly within +-20 px.
-    double distance_mm = 0; ///< Of the head; 0: far away (scaled orthographic).
-    double focal_length_px = 0;
-};
-
-Subject draw_subject(const Protocol& protocol, std::uint64_t seed)
-{
-    Random random(seed);
-    Subject subject;
-    subject.alpha = test::random_normal(random, model().shape.num_coefficients());
-    const Eigen::VectorXf neutral = model().shape.instance(subject.alpha);
-    const LandmarkMap& map = *model().find_landmark_map("ibug68");
-    const Eigen::VectorXd bias = protocol.bias_mm * test::random_normal(random, 3 * map.num_landmarks());
-    Random wild(seed ^ 0x5bd1e995u); // so that the clean landmarks are the same with and without wild ones
-    for (int f = 0; f < protocol.num_images; ++f) {
-        Eigen::VectorXd psi = 0.3 * test::random_normal(random, 6);
-        psi = psi.cwiseAbs().cwiseMin(1.0);
-        Camera camera;
-        const double yaw = random.uniform(-45, 45), pitch = 8 * random.normal(), roll = 5 * random.normal();
-        camera.camera_from_model = rotation_from_angles({radians(yaw), radians(pitch), radians(roll)});
-        camera.principal_point_px = {320, 240};
-        camera.scale_px_per_mm = outer_eye_px / outer_eye_mm(neutral);
-        if (protocol.distance_mm > 0) {
-            camera.phi_per_mm = 1 / protocol.distance_mm;
-            camera.scale_px_per_mm = protocol.focal_length_px / protocol.distance_mm;
-        }
-        camera.translation_mm = {random.uniform(-20, 20), random.uniform(-20, 20)};
-        const Eigen::VectorXf shape = neutral + model().find_expression_set("ekman6")->displacement(psi);
-        Eigen::Matrix3Xd points =
-            map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, model().num_vertices())).cast<double>();
-        points += Eigen::Map<const Eigen::Matrix3Xd>(bias.data(), 3, map.num_landmarks());
-        LandmarkSet set;
-        for (Eigen::Index l = 0; l < points.cols(); ++l) {
-            Landmark landmark{map.names[static_cast<std::size_t>(l)], camera.project(Eigen::Vector3d(points.col(l)))};
-            landmark.point_px += protocol.noise_px * Eigen::Vector2d(random.normal(), random.normal());
-            if (wild.uniform() < protocol.wild_share) {
-                landmark.point_px += Eigen::Vector2d(wild.uniform(-20, 20), wild.uniform(-20, 20));
-            }
-            set.landmarks.push_back(landmark);
-        }
-        subject.cameras.push_back(camera);
-        subject.images.push_back(set);
-    }
-    return subject;
-}
-
-std::vector<Subject> draw_subjects(const Protocol& protocol, int count)
-{
-    std::vector<Subject> subjects;
-    for (int i = 0; i < count; ++i) {
-        subjects.push_back(draw_subject(protocol, 1000003ull * static_cast<std::uint64_t>(i + 1)));
-    }
-    return subjects;
-}
-
-const Eigen::Vector2d centre(320, 240);
 
 double mean_ratio(const std::vector<Camera>& truth, const std::vector<double>& scales)
 {
@@ -201,7 +101,7 @@ JointOptions known_noise(double noise_px)
 {
     JointOptions options;
     options.contour = ContourMode::fixed;
-    options.landmark_sigma_mm = options.contour_sigma_mm = noise_px / mean_scale;
+    options.landmark_sigma_mm = options.contour_sigma_mm = noise_px / planted->mean_scale();
     options.bias_sigma_mm = 0;
     return options;
 }
@@ -241,12 +141,12 @@ Errors run_joint(const std::vector<Subject>& subjects, const JointOptions& optio
                 model().shape.instance(result.shape_coefficients) - model().shape.instance(subject.alpha);
             const Eigen::Map<const Eigen::Matrix3Xf> offsets(offset.data(), 3, model().num_vertices());
             int inside = 0;
-            for (const int vertex : face_vertices) {
+            for (const int vertex : planted->face_vertices()) {
                 inside += static_cast<int>(
                     (offsets.col(vertex).cwiseAbs().array() <= static_cast<float>(z) * spread.col(vertex).array())
                         .count());
             }
-            coverage->coordinates.add(inside / (3.0 * static_cast<double>(face_vertices.size())));
+            coverage->coordinates.add(inside / (3.0 * static_cast<double>(planted->face_vertices().size())));
             coverage->chi_square.add(result.chi_square / result.degrees_of_freedom);
         }
     }
@@ -343,7 +243,7 @@ void selfie(int num_subjects)
     protocol.num_images = 10;
     protocol.noise_px = 1.5;
     protocol.distance_mm = 400;
-    protocol.focal_length_px = 400 * mean_scale;
+    protocol.focal_length_px = 400 * planted->mean_scale();
     const std::vector<Subject> subjects = draw_subjects(protocol, num_subjects);
     JointOptions options = known_noise(1.5);
     run_joint(subjects, options).print("40 cm", "joint, scaled orthographic");
@@ -388,7 +288,7 @@ void statuses(int num_fits)
     std::map<std::string, int> counts;
     double total_us = 0, largest_us = 0;
     for (int i = 0; i < num_fits; ++i) {
-        const Subject subject = draw_subject(protocol, 77777ull * static_cast<std::uint64_t>(i + 1));
+        const Subject subject = planted->draw_subject(protocol, 77777ull * static_cast<std::uint64_t>(i + 1));
         const JointFitResult result = fitter.fit(subject.images[0], centre);
         ++counts[to_string(result.fit.status)];
         total_us += result.fit.timing.total_us;
@@ -417,20 +317,13 @@ int main(int argc, char** argv)
         }
     }
     try {
-        MorphableModel loaded = load_model(path);
-        loaded_model = &loaded;
-        const Eigen::VectorXf& mask = model().masks.at("face");
-        for (int v = 0; v < mask.size(); ++v) {
-            if (mask[v] > 0.5f) {
-                face_vertices.push_back(v);
-            }
-        }
-        mean_scale = outer_eye_px / outer_eye_mm(model().shape.mean);
+        const bench::PlantedFaces faces(load_model(path));
+        planted = &faces;
         std::printf(
             "model %s, %d face vertices, %d subjects (a quarter of them for ten images), yaw within 45 degrees, "
             "outer eye corners %g px = %.1f mm apart\n",
-            model().name.c_str(), static_cast<int>(face_vertices.size()), num_subjects, outer_eye_px,
-            outer_eye_px / mean_scale);
+            model().name.c_str(), static_cast<int>(faces.face_vertices().size()), num_subjects, outer_eye_px,
+            outer_eye_px / faces.mean_scale());
         const auto run = [&](const char* name, void (*part)(int), int count) {
             if (only.empty() || only == name) {
                 part(count);

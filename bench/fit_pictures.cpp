@@ -1,0 +1,339 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The rendered pictures of docs/fit-in-pictures.md: expressions with and without their bound, outline landmarks and
+// what they are matched to, and the posterior standard deviation of each vertex beside the error made.
+//
+//   fit_pictures FOLDER [--model FILE] [--subjects N]
+#include "fit_by_parts.hpp"
+#include "planted.hpp"
+
+#include "lineament/fit/contour.hpp"
+#include "lineament/fit/joint_fitter.hpp"
+#include "lineament/io/image_file.hpp"
+#include "lineament/io/model_file.hpp"
+#include "lineament/render/contact_sheet.hpp"
+#include "lineament/render/draw.hpp"
+#include "lineament/render/shading.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace lineament;
+using bench::centre;
+using bench::PlantedFaces;
+using bench::Protocol;
+using bench::Subject;
+
+constexpr Color background = {255, 255, 255};
+
+std::string text_of(const char* format, double value)
+{
+    char text[64];
+    std::snprintf(text, sizeof text, format, value);
+    return text;
+}
+
+Camera camera_at(double yaw_deg, int size_px)
+{
+    Camera camera;
+    camera.camera_from_model = rotation_from_angles({radians(yaw_deg), 0, 0});
+    camera.scale_px_per_mm = 0.0048 * size_px; // the face fills the tile
+    camera.principal_point_px = Eigen::Vector2d(0.5 * size_px, 0.44 * size_px);
+    camera.translation_mm.x() = 17.0 * std::sin(radians(yaw_deg)); // vertices crowd at the front of the head
+    return camera;
+}
+
+/// Six bits a channel, so that the files are smaller.
+ImageU8 with_fewer_colors(ImageU8 image)
+{
+    for (std::uint8_t& value : image.data) {
+        value = static_cast<std::uint8_t>(value | 3);
+    }
+    return image;
+}
+
+ImageU8 render(const PlantedFaces& faces, const Eigen::VectorXf& shape, const Camera& camera, int width, int height,
+               SurfaceColor surface)
+{
+    Mesh mesh = faces.model().mesh_of(shape);
+    mesh.colors = Eigen::Map<const Eigen::Matrix3Xf>(faces.model().color->mean.data(), 3, mesh.vertices.cols());
+    ShadingOptions options;
+    options.surface = surface;
+    options.background = background;
+    return with_fewer_colors(render_mesh(mesh, camera, width, height, options));
+}
+
+void save_sheet(const std::filesystem::path& path, const std::vector<Tile>& tiles, int columns, int tile_px)
+{
+    ContactSheetOptions options;
+    options.tile_width_px = options.tile_height_px = tile_px;
+    options.gap_px = 6;
+    options.text_scale = 1;
+    save_png(path, contact_sheet(tiles, columns, options));
+}
+
+/// Planted face, fit with psi >= 0, fit without a bound: the first subjects drawn, fitted from their landmarks.
+void draw_expressions(const PlantedFaces& faces, const std::filesystem::path& folder)
+{
+    constexpr int tile_px = 170;
+    const MorphableModel& model = faces.model();
+    const ModelPoints points = landmark_points(model, *model.find_landmark_map("ibug68"),
+                                               model.find_expression_set("ekman6"), model.shape.num_coefficients());
+    const Protocol protocol;
+    std::vector<Tile> rows[3];
+    for (const Subject& subject : faces.draw_subjects(protocol, 3)) {
+        const Eigen::VectorXf truth = faces.shape_of(subject.alpha, subject.psi[0]);
+        const auto add = [&](std::vector<Tile>& row, const Eigen::VectorXf& shape, const std::string& caption) {
+            row.push_back(
+                {render(faces, shape, camera_at(20, tile_px), tile_px, tile_px, SurfaceColor::clay), caption});
+        };
+        add(rows[0], truth, "planted");
+        bench::PartsOptions options;
+        for (const bool is_bounded : {true, false}) {
+            const double infinite = std::numeric_limits<double>::infinity();
+            options.min_expression = is_bounded ? 0 : -infinite;
+            options.max_expression = is_bounded ? 3 : infinite;
+            const bench::PartsResult fit = bench::fit_by_parts(points, bench::points_of(subject.images[0]), options);
+            const Eigen::VectorXf shape = faces.shape_of(fit.alpha, fit.psi);
+            add(rows[is_bounded ? 1 : 2], shape,
+                (is_bounded ? "psi >= 0: " : "psi free: ") + text_of("%.1f mm", faces.shape_error_mm(shape, truth)));
+        }
+    }
+    std::vector<Tile> tiles;
+    for (const std::vector<Tile>& row : rows) {
+        tiles.insert(tiles.end(), row.begin(), row.end());
+    }
+    save_sheet(folder / "fit-expressions.png", tiles, static_cast<int>(rows[0].size()), tile_px);
+}
+
+/// A planted face from the side with its outline landmarks, before the fit (mean face in the estimated pose) and after,
+/// and what they are matched to.
+void draw_contours(const PlantedFaces& faces, const std::filesystem::path& folder)
+{
+    constexpr int tile_px = 380;
+    constexpr double zoom = 1.6;
+    const MorphableModel& model = faces.model();
+    const ContourModel contour(model);
+    Protocol protocol;
+    protocol.min_yaw_deg = protocol.max_yaw_deg = 40;
+    protocol.noise_px = 1.0;
+    protocol.outline = bench::Outline::visible;
+    const Subject subject = faces.draw_subjects(protocol, 1)[0];
+    const Eigen::VectorXf truth = faces.shape_of(subject.alpha, subject.psi[0]);
+
+    // The same picture, larger, with the landmarks in its middle.
+    const Eigen::Vector2d middle(tile_px / 2.0, tile_px / 2.0);
+    const Eigen::Vector2d looked_at = bench::points_of(subject.images[0]).rowwise().mean();
+    const auto place = [&](const Eigen::Vector2d& point_px) {
+        return Eigen::Vector2d(middle + zoom * (point_px - looked_at));
+    };
+    const auto enlarged = [&](Camera camera) {
+        camera.scale_px_per_mm *= zoom;
+        camera.principal_point_px = place(camera.principal_point_px);
+        return camera;
+    };
+    const FaceFitter fitter(model);
+    const FitResult fit = fitter.fit(subject.images[0], centre);
+    FitResult start = fit;
+    start.shape_coefficients.setZero();
+    start.expression_coefficients.setZero();
+    start.camera =
+        estimate_pose(faces.landmark_points(model.shape.mean), bench::points_of(subject.images[0]), {}, centre).camera;
+
+    std::vector<Tile> tiles;
+    for (const bool is_fitted : {false, true}) {
+        const FitResult& stage = is_fitted ? fit : start;
+        ImageU8 picture = render(faces, truth, enlarged(subject.cameras[0]), tile_px, tile_px, SurfaceColor::clay);
+        const Eigen::VectorXf shape = faces.shape_of(stage.shape_coefficients, stage.expression_coefficients);
+        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model.num_vertices());
+        const auto seen = [&](int v) {
+            return place(stage.camera.project(Eigen::Vector3d(vertices.col(v).cast<double>())));
+        };
+        for (const int v : contour.candidates(FaceSide::right)) {
+            draw_disc(picture, seen(v), 2.0, {60, 120, 220});
+        }
+        for (const int v : contour.silhouette_vertices(vertices, stage.camera, FaceSide::left)) {
+            draw_disc(picture, seen(v), 2.0, {20, 150, 90});
+        }
+        const ContourMatches matches = match_contour(contour, vertices, stage.camera, subject.images[0]);
+        for (const ContourMatch& match : matches.matches) {
+            const Landmark& landmark = subject.images[0].landmarks[static_cast<std::size_t>(match.landmark_index)];
+            draw_line(picture, place(landmark.point_px), seen(match.vertex), {30, 30, 30}, 1.2);
+            draw_circle(picture, seen(match.vertex), 4.0, {30, 30, 30}, 1.2);
+        }
+        for (int l = 0; l < 17; ++l) {
+            draw_disc(picture, place(subject.images[0].landmarks[static_cast<std::size_t>(l)].point_px), 3.2,
+                      {215, 40, 40});
+        }
+        tiles.push_back({picture, is_fitted ? "after the fit" : "mean face in its first pose"});
+    }
+    save_sheet(folder / "fit-contour.png", tiles, 2, tile_px);
+}
+
+/// Dark blue over green to yellow for t in [0, 1].
+Eigen::Vector3f scale_color(float t)
+{
+    static const std::vector<Eigen::Vector3f> stops = {{0.16f, 0.15f, 0.45f},
+                                                       {0.13f, 0.42f, 0.60f},
+                                                       {0.18f, 0.66f, 0.52f},
+                                                       {0.68f, 0.83f, 0.30f},
+                                                       {0.99f, 0.91f, 0.36f}};
+    const float place = std::clamp(t, 0.0f, 1.0f) * static_cast<float>(stops.size() - 1);
+    const std::size_t low = std::min(static_cast<std::size_t>(place), stops.size() - 2);
+    const float part = place - static_cast<float>(low);
+    return (1 - part) * stops[low] + part * stops[low + 1];
+}
+
+/// The scale with its numbers, 0 to `largest_mm`, as a picture.
+ImageU8 color_bar(double largest_mm, int width, int height)
+{
+    ImageU8 image(width, height, 3, 255);
+    const int left = width / 4, right = 3 * width / 4;
+    for (int x = left; x < right; ++x) {
+        const Eigen::Vector3f color = scale_color(static_cast<float>(x - left) / static_cast<float>(right - left - 1));
+        fill_rectangle(image, x, 4, 1, 16, {to_u8(color[0]), to_u8(color[1]), to_u8(color[2])});
+    }
+    for (int mm = 0; mm <= static_cast<int>(largest_mm); ++mm) {
+        const int x = left + static_cast<int>((right - left - 1) * mm / largest_mm);
+        fill_rectangle(image, x, 20, 1, 4, {40, 40, 44});
+        const std::string text = std::to_string(mm) + (mm == static_cast<int>(largest_mm) ? " mm" : "");
+        draw_text(image, x - 2, 27, text, {40, 40, 44}, 1);
+    }
+    return image;
+}
+
+/// Predicted standard deviation (root of the summed variances of the three coordinates) and root mean square error of
+/// each vertex, in model space, means over subjects.
+struct VertexErrors
+{
+    Eigen::VectorXf predicted_mm;
+    Eigen::VectorXf made_mm;
+};
+
+VertexErrors vertex_errors(const PlantedFaces& faces, int num_images, int num_subjects)
+{
+    Protocol protocol;
+    protocol.num_images = num_images;
+    const JointFitter joint(faces.model(), "ibug68", [&] {
+        JointOptions options;
+        options.contour = ContourMode::fixed;
+        options.landmark_sigma_mm = options.contour_sigma_mm = protocol.noise_px / faces.mean_scale();
+        options.bias_sigma_mm = 0;
+        return options;
+    }());
+    const Eigen::Index count = faces.model().num_vertices();
+    Eigen::VectorXf predicted = Eigen::VectorXf::Zero(count), made = Eigen::VectorXf::Zero(count);
+    for (const Subject& subject : faces.draw_subjects(protocol, num_subjects)) {
+        const JointFramesResult fit = joint.fit_frames(subject.images, centre);
+        const Eigen::Matrix3Xf spread = vertex_standard_deviations(faces.model(), fit.shape_covariance);
+        const Eigen::VectorXf offset =
+            faces.model().shape.instance(fit.shape_coefficients) - faces.model().shape.instance(subject.alpha);
+        predicted += spread.colwise().squaredNorm().transpose();
+        made += Eigen::Map<const Eigen::Matrix3Xf>(offset.data(), 3, count).colwise().squaredNorm().transpose();
+    }
+    return {(predicted / static_cast<float>(num_subjects)).cwiseSqrt(),
+            (made / static_cast<float>(num_subjects)).cwiseSqrt()};
+}
+
+/// The mean face coloured by a number for each vertex: the scale's colours, shaded a little so that the form is seen.
+ImageU8 render_values(const PlantedFaces& faces, const Eigen::VectorXf& values_mm, double largest_mm, double yaw_deg,
+                      int tile_px)
+{
+    Mesh mesh = faces.model().mesh_of(faces.model().shape.mean);
+    ShadingOptions options;
+    options.background = background;
+    options.clay = {255, 255, 255};
+    const ImageU8 shaded = render_mesh(mesh, camera_at(yaw_deg, tile_px), tile_px, tile_px, options);
+    mesh.colors.resize(3, mesh.vertices.cols());
+    for (Eigen::Index v = 0; v < mesh.vertices.cols(); ++v) {
+        mesh.colors.col(v) = scale_color(values_mm[v] / static_cast<float>(largest_mm));
+    }
+    options.lighting = Lighting::unlit;
+    options.ambient_occlusion = 0;
+    ImageU8 flat = render_mesh(mesh, camera_at(yaw_deg, tile_px), tile_px, tile_px, options);
+    for (std::size_t i = 0; i < flat.data.size(); ++i) {
+        const double light = 0.45 + 0.55 * shaded.data[i] / 255.0;
+        flat.data[i] = static_cast<std::uint8_t>(std::lround(flat.data[i] * light));
+    }
+    return with_fewer_colors(flat);
+}
+
+void draw_uncertainty(const PlantedFaces& faces, const std::filesystem::path& folder, int num_subjects)
+{
+    constexpr int tile_px = 154;
+    constexpr double largest_mm = 8;
+    const Eigen::Index num_coefficients = faces.model().shape.num_coefficients();
+    const VertexErrors one = vertex_errors(faces, 1, num_subjects);
+    const VertexErrors ten = vertex_errors(faces, 10, num_subjects);
+    const Eigen::VectorXf prior =
+        vertex_standard_deviations(faces.model(), Eigen::MatrixXd::Identity(num_coefficients, num_coefficients))
+            .colwise()
+            .norm()
+            .transpose();
+    std::vector<Tile> tiles;
+    for (const double yaw_deg : {0.0, 50.0}) {
+        const auto add = [&](const Eigen::VectorXf& values_mm, const char* caption) {
+            double sum = 0;
+            for (const int v : faces.face_vertices()) {
+                sum += values_mm[v] * values_mm[v];
+            }
+            const double rms_mm = std::sqrt(sum / static_cast<double>(faces.face_vertices().size()));
+            tiles.push_back({render_values(faces, values_mm, largest_mm, yaw_deg, tile_px),
+                             caption + text_of("\n%.2f mm", rms_mm)});
+        };
+        add(prior, "prior");
+        add(one.predicted_mm, "1 image, predicted");
+        add(one.made_mm, "1 image, made");
+        add(ten.predicted_mm, "10 images, predicted");
+        add(ten.made_mm, "10 images, made");
+    }
+    ContactSheetOptions options;
+    options.tile_width_px = options.tile_height_px = tile_px;
+    options.gap_px = 6;
+    options.text_scale = 1;
+    const ImageU8 sheet = contact_sheet(tiles, 5, options);
+    const ImageU8 bar = color_bar(largest_mm, sheet.width, 42);
+    ImageU8 picture(sheet.width, sheet.height + bar.height, 3, 255);
+    paste(picture, sheet, 0, 0);
+    paste(picture, bar, 0, sheet.height);
+    save_png(folder / "fit-uncertainty.png", picture);
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    std::string path = default_model_path();
+    int num_subjects = 100;
+    for (int i = 2; i + 1 < argc; i += 2) {
+        if (std::strcmp(argv[i], "--model") == 0) {
+            path = argv[i + 1];
+        } else if (std::strcmp(argv[i], "--subjects") == 0) {
+            num_subjects = std::max(2, std::atoi(argv[i + 1]));
+        }
+    }
+    if (argc < 2) {
+        std::fprintf(stderr, "usage: fit_pictures FOLDER [--model FILE] [--subjects N]\n");
+        return 2;
+    }
+    try {
+        const PlantedFaces faces(load_model(path));
+        const std::filesystem::path folder = argv[1];
+        std::filesystem::create_directories(folder);
+        draw_expressions(faces, folder);
+        draw_contours(faces, folder);
+        draw_uncertainty(faces, folder, num_subjects);
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "fit_pictures: error: %s\n", error.what());
+        return 1;
+    }
+    return 0;
+}
