@@ -12,6 +12,7 @@
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/model_file.hpp"
+#include "lineament/render/color_scale.hpp"
 #include "lineament/render/contact_sheet.hpp"
 #include "lineament/render/draw.hpp"
 #include "lineament/render/shading.hpp"
@@ -178,38 +179,6 @@ void draw_contours(const PlantedFaces& faces, const std::filesystem::path& folde
     save_sheet(folder / "fit-contour.png", tiles, 2, tile_px);
 }
 
-/// Dark blue over green to yellow for t in [0, 1].
-Eigen::Vector3f scale_color(float t)
-{
-    static const std::vector<Eigen::Vector3f> stops = {{0.16f, 0.15f, 0.45f},
-                                                       {0.13f, 0.42f, 0.60f},
-                                                       {0.18f, 0.66f, 0.52f},
-                                                       {0.68f, 0.83f, 0.30f},
-                                                       {0.99f, 0.91f, 0.36f}};
-    const float place = std::clamp(t, 0.0f, 1.0f) * static_cast<float>(stops.size() - 1);
-    const std::size_t low = std::min(static_cast<std::size_t>(place), stops.size() - 2);
-    const float part = place - static_cast<float>(low);
-    return (1 - part) * stops[low] + part * stops[low + 1];
-}
-
-/// The scale with its numbers, 0 to `largest_mm`, as a picture.
-ImageU8 color_bar(double largest_mm, int width, int height)
-{
-    ImageU8 image(width, height, 3, 255);
-    const int left = width / 4, right = 3 * width / 4;
-    for (int x = left; x < right; ++x) {
-        const Eigen::Vector3f color = scale_color(static_cast<float>(x - left) / static_cast<float>(right - left - 1));
-        fill_rectangle(image, x, 4, 1, 16, {to_u8(color[0]), to_u8(color[1]), to_u8(color[2])});
-    }
-    for (int mm = 0; mm <= static_cast<int>(largest_mm); ++mm) {
-        const int x = left + static_cast<int>((right - left - 1) * mm / largest_mm);
-        fill_rectangle(image, x, 20, 1, 4, {40, 40, 44});
-        const std::string text = std::to_string(mm) + (mm == static_cast<int>(largest_mm) ? " mm" : "");
-        draw_text(image, x - 2, 27, text, {40, 40, 44}, 1);
-    }
-    return image;
-}
-
 /// Predicted standard deviation (root of the summed variances of the three coordinates) and root mean square error of
 /// each vertex, in model space, means over subjects.
 struct VertexErrors
@@ -243,29 +212,6 @@ VertexErrors vertex_errors(const PlantedFaces& faces, int num_images, int num_su
             (made / static_cast<float>(num_subjects)).cwiseSqrt()};
 }
 
-/// The mean face coloured by a number for each vertex: the scale's colours, shaded a little so that the form is seen.
-ImageU8 render_values(const PlantedFaces& faces, const Eigen::VectorXf& values_mm, double largest_mm, double yaw_deg,
-                      int tile_px)
-{
-    Mesh mesh = faces.model().mesh_of(faces.model().shape.mean);
-    ShadingOptions options;
-    options.background = background;
-    options.clay = {255, 255, 255};
-    const ImageU8 shaded = render_mesh(mesh, camera_at(yaw_deg, tile_px), tile_px, tile_px, options);
-    mesh.colors.resize(3, mesh.vertices.cols());
-    for (Eigen::Index v = 0; v < mesh.vertices.cols(); ++v) {
-        mesh.colors.col(v) = scale_color(values_mm[v] / static_cast<float>(largest_mm));
-    }
-    options.lighting = Lighting::unlit;
-    options.ambient_occlusion = 0;
-    ImageU8 flat = render_mesh(mesh, camera_at(yaw_deg, tile_px), tile_px, tile_px, options);
-    for (std::size_t i = 0; i < flat.data.size(); ++i) {
-        const double light = 0.45 + 0.55 * shaded.data[i] / 255.0;
-        flat.data[i] = static_cast<std::uint8_t>(std::lround(flat.data[i] * light));
-    }
-    return with_fewer_colors(flat);
-}
-
 void draw_uncertainty(const PlantedFaces& faces, const std::filesystem::path& folder, int num_subjects)
 {
     constexpr int tile_px = 154;
@@ -286,7 +232,9 @@ void draw_uncertainty(const PlantedFaces& faces, const std::filesystem::path& fo
                 sum += values_mm[v] * values_mm[v];
             }
             const double rms_mm = std::sqrt(sum / static_cast<double>(faces.face_vertices().size()));
-            tiles.push_back({render_values(faces, values_mm, largest_mm, yaw_deg, tile_px),
+            const Mesh mean = faces.model().mesh_of(faces.model().shape.mean);
+            const Camera camera = camera_at(yaw_deg, tile_px);
+            tiles.push_back({with_fewer_colors(render_values(mean, values_mm, largest_mm, camera, tile_px, tile_px)),
                              caption + text_of("\n%.2f mm", rms_mm)});
         };
         add(prior, "prior");
@@ -300,7 +248,7 @@ void draw_uncertainty(const PlantedFaces& faces, const std::filesystem::path& fo
     options.gap_px = 6;
     options.text_scale = 1;
     const ImageU8 sheet = contact_sheet(tiles, 5, options);
-    const ImageU8 bar = color_bar(largest_mm, sheet.width, 42);
+    const ImageU8 bar = draw_color_bar(largest_mm, "mm", sheet.width);
     ImageU8 picture(sheet.width, sheet.height + bar.height, 3, 255);
     paste(picture, sheet, 0, 0);
     paste(picture, bar, 0, sheet.height);

@@ -45,6 +45,7 @@ struct Options
     bool json = false;
     bool no_obj = false;
     bool no_report = false;
+    bool uncertainty = false;
     OutputOptions files;
     ModelOptions model;
 };
@@ -192,10 +193,15 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
         const fs::path folder = fits.size() == 1 ? job.output : job.output / ("face_" + std::to_string(id));
         make_folder(folder);
         write_face(folder, session.model, face, options.files);
+        ImageU8 uncertainty;
+        if (options.uncertainty && fits[i].shape_covariance.size() > 0) {
+            uncertainty = write_uncertainty(folder, session.model, fit,
+                                            session.fitters.vertex_deviations_mm(fits[i].shape_covariance));
+        }
         report.overlay = draw_overlay(report.overlay, session.model, fit);
         report.faces.push_back({"face_" + std::to_string(id), fit,
                                 make_face_view(session.model, fit, face.whole_texture), face.frontal, deviations,
-                                fits[i].unobservable_expressions});
+                                fits[i].unobservable_expressions, uncertainty});
         face_json["folder"] = folder.string();
         face_json["rms_px"] = fit.rms_px;
     }
@@ -316,6 +322,9 @@ std::vector<int> fit_same_person(Session& session, const std::vector<Job>& jobs,
 
 int run(const Options& options)
 {
+    if (options.uncertainty && options.model.method != "joint") {
+        throw Failure(wrong_use, "--uncertainty needs --method joint: the thesis's method does not say how sure it is");
+    }
     const std::vector<Job> jobs = collect_jobs(options.inputs, options.output, {".jpg", ".jpeg", ".png"});
     Session session(options);
     Json summary = Json::array();
@@ -372,6 +381,9 @@ void add_fit_command(CLI::App& program, Action& action)
     command->add_flag("--ply", options->files.ply, "Write mesh.ply too.");
     command->add_flag("--neutral", options->files.neutral, "Write neutral.obj (no expression) too.");
     command->add_flag("--no-obj", options->no_obj, "Do not write mesh.obj and mesh.mtl.");
+    command->add_flag("--uncertainty", options->uncertainty,
+                      "Write uncertainty.glb and .png too, the face coloured by each vertex's standard deviation, and "
+                      "show it in the report; with --method joint.");
     command->add_flag("--no-report", options->no_report, "Do not write report.html.");
     command->add_flag("--json", options->json, "A summary as JSON on stdout.");
     command->footer("Examples:\n  lineament fit portrait.jpg\n  lineament fit photos/ -o faces --ply\n"

@@ -6,6 +6,8 @@
 #include "lineament/io/glb_file.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/mesh_file.hpp"
+#include "lineament/render/color_scale.hpp"
+#include "lineament/render/contact_sheet.hpp"
 #include "lineament/render/shading.hpp"
 #include "lineament/render/texture_completion.hpp"
 
@@ -17,12 +19,14 @@ namespace fs = std::filesystem;
 
 namespace {
 
-GlbScene make_scene(const MorphableModel& model, const FittedFace& face)
+constexpr double largest_deviation_mm = 8.0; ///< Of the colour scale: about what the default model's prior leaves.
+
+/// The neutral face with its expressions, without texture.
+GlbScene make_scene(const MorphableModel& model, const FitResult& fit)
 {
     GlbScene scene;
-    scene.mesh = neutral_mesh(model, face.fit.shape_coefficients);
-    scene.texture = png_text(face.whole_texture);
-    scene.morph_targets = make_morph_targets(model, face.fit.expression_set, face.fit.expression_coefficients);
+    scene.mesh = neutral_mesh(model, fit.shape_coefficients);
+    scene.morph_targets = make_morph_targets(model, fit.expression_set, fit.expression_coefficients);
     return scene;
 }
 
@@ -98,7 +102,9 @@ void write_face(const fs::path& folder, const MorphableModel& model, const Fitte
                 const OutputOptions& options)
 {
     save_png((folder / "texture.png").string(), face.texture);
-    save_glb((folder / "mesh.glb").string(), make_scene(model, face));
+    GlbScene scene = make_scene(model, face.fit);
+    scene.texture = png_text(face.whole_texture);
+    save_glb((folder / "mesh.glb").string(), scene);
     const Mesh mesh = model.mesh_of(shape_of(model, face.fit));
     if (options.obj || options.neutral) {
         save_png((folder / "texture_filled.png").string(), face.whole_texture);
@@ -114,6 +120,30 @@ void write_face(const fs::path& folder, const MorphableModel& model, const Fitte
         save_ply((folder / "mesh.ply").string(), mesh);
     }
     save_png((folder / "frontal.png").string(), face.frontal);
+}
+
+ImageU8 write_uncertainty(const fs::path& folder, const MorphableModel& model, const FitResult& fit,
+                          const Eigen::VectorXf& vertex_deviations_mm)
+{
+    constexpr int tile_px = 400;
+    GlbScene scene = make_scene(model, fit);
+    std::vector<Tile> tiles;
+    for (const double yaw_deg : {0.0, 50.0}) {
+        const Camera camera = frame_camera(scene.mesh, {radians(yaw_deg), 0.0, 0.0}, tile_px, tile_px);
+        tiles.push_back(
+            {render_values(scene.mesh, vertex_deviations_mm, largest_deviation_mm, camera, tile_px, tile_px), ""});
+    }
+    ContactSheetOptions options;
+    options.tile_width_px = options.tile_height_px = tile_px;
+    const ImageU8 sheet = contact_sheet(tiles, 2, options);
+    const ImageU8 bar = draw_color_bar(largest_deviation_mm, "mm", sheet.width);
+    ImageU8 picture(sheet.width, sheet.height + bar.height, 3, 255);
+    paste(picture, sheet, 0, 0);
+    paste(picture, bar, 0, sheet.height);
+    save_png((folder / "uncertainty.png").string(), picture);
+    scene.mesh.colors = scale_colors(vertex_deviations_mm, largest_deviation_mm);
+    save_glb((folder / "uncertainty.glb").string(), scene);
+    return picture;
 }
 
 } // namespace lineament::cli

@@ -47,6 +47,12 @@ struct OutputOptions
 void write_face(const std::filesystem::path& folder, const MorphableModel& model, const FittedFace& face,
                 const OutputOptions& options);
 
+/// Writes uncertainty.glb, the neutral face with its expressions, and uncertainty.png, both coloured by the standard
+/// deviation of each vertex on a scale from 0 to 8 mm.
+/// @return The picture: front and side, and the scale.
+ImageU8 write_uncertainty(const std::filesystem::path& folder, const MorphableModel& model, const FitResult& fit,
+                          const Eigen::VectorXf& vertex_deviations_mm);
+
 /// The neutral mesh (mean + B a) of a fit, with uv.
 [[nodiscard]] Mesh neutral_mesh(const MorphableModel& model, const Eigen::VectorXd& shape_coefficients);
 

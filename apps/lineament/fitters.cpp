@@ -56,10 +56,11 @@ JointOptions joint_options(const ModelOptions& options)
 /// The result with what the method says of its uncertainty.
 Fitted with_evidence(const JointFitResult& joint)
 {
-    Fitted fitted{joint.fit, {}, joint.unobservable_expressions};
+    Fitted fitted{joint.fit, {}, {}, joint.unobservable_expressions};
     const Eigen::Index num_shape = joint.fit.shape_coefficients.size();
     if (joint.covariance.rows() >= num_shape) {
-        fitted.shape_standard_deviations = joint.covariance.diagonal().head(num_shape).cwiseMax(0.0).cwiseSqrt();
+        fitted.shape_covariance = joint.covariance.topLeftCorner(num_shape, num_shape);
+        fitted.shape_standard_deviations = fitted.shape_covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
     }
     return fitted;
 }
@@ -177,7 +178,7 @@ Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& princip
     if (implementation_->is_joint()) {
         return with_evidence(implementation_->joint(landmarks.scheme).fit(landmarks, principal_point_px));
     }
-    return {implementation_->thesis(landmarks.scheme).fit(landmarks, principal_point_px), {}, {}};
+    return {implementation_->thesis(landmarks.scheme).fit(landmarks, principal_point_px), {}, {}, {}};
 }
 
 std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
@@ -196,13 +197,18 @@ std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
     } else {
         for (const FitResult& frame :
              fit_frames(implementation_->thesis(pictures.front().scheme), pictures, origin).frames) {
-            fitted.push_back({frame, {}, {}});
+            fitted.push_back({frame, {}, {}, {}});
         }
     }
     for (std::size_t i = 0; i < fitted.size(); ++i) {
         move_to(fitted[i].result, principal_points_px[i]);
     }
     return fitted;
+}
+
+Eigen::VectorXf Fitters::vertex_deviations_mm(const Eigen::MatrixXd& shape_covariance) const
+{
+    return vertex_standard_deviations(*implementation_->model, shape_covariance).colwise().norm().transpose();
 }
 
 FitResult Fitters::fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)

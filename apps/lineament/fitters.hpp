@@ -20,6 +20,7 @@ struct Fitted
 {
     FitResult result = {};
     Eigen::VectorXd shape_standard_deviations = {};         ///< m, posterior; empty: the method does not know.
+    Eigen::MatrixXd shape_covariance = {};                  ///< m x m, likewise.
     std::vector<std::string> unobservable_expressions = {}; ///< Those the landmarks hardly tell anything of.
 };
 
@@ -43,6 +44,10 @@ public:
     /// @param principal_points_px  One for each picture.
     [[nodiscard]] std::vector<Fitted> fit_same_person(std::vector<LandmarkSet> pictures,
                                                       const std::vector<Eigen::Vector2d>& principal_points_px);
+
+    /// How sure the place of each vertex of the neutral face is (V, mm): the root of the summed variances of its three
+    /// coordinates, in model space, the head's size included.
+    [[nodiscard]] Eigen::VectorXf vertex_deviations_mm(const Eigen::MatrixXd& shape_covariance) const;
 
     /// As fit, of one of many frames: in real time where the method and the camera allow it, without the times of
     /// parts.

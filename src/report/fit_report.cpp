@@ -210,6 +210,14 @@ std::string pictures_section(const FitReportFace& face)
                                                         "seen in the picture.",
                                                         "checker"));
     }
+    if (!face.uncertainty.empty()) {
+        cards += html::card("Certainty",
+                            html::figure(html::image_address(face.uncertainty, 900),
+                                         "The face coloured by the standard deviation of each vertex",
+                                         "Posterior standard deviation of each vertex of the neutral face, the size of "
+                                         "the head included. It holds for faces that the model can show; of a real "
+                                         "face it is a lower bound."));
+    }
     return cards.empty() ? "" : "<div class=\"grid\">" + cards + "</div>\n";
 }
 

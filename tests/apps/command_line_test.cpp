@@ -10,6 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <fstream>
@@ -281,6 +282,27 @@ TEST(CommandLine, JointMethodStatesItsUncertainty)
     }
     EXPECT_LT(face["shape_standard_deviations"][0].get<double>(), 0.9);
     EXPECT_EQ(run(folder, "fit face.png --landmarks face.json --method joint --regularization 3").exit_code, 2);
+}
+
+TEST(CommandLine, UncertaintyIsDrawnOnRequest)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    const std::string fit = "fit face.png --landmarks face.json ";
+    ASSERT_EQ(run(folder, fit + "--method joint -o plain").exit_code, 0);
+    EXPECT_FALSE(fs::exists(folder / "plain/face/uncertainty.glb"));
+    const Outcome outcome = run(folder, fit + "--method joint --uncertainty -o asked");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.error;
+    EXPECT_NE(read_all(folder / "asked/face/uncertainty.glb").find("COLOR_0"), std::string::npos);
+    EXPECT_NE(read_all(folder / "asked/face/report.html").find("Certainty"), std::string::npos);
+    EXPECT_EQ(read_all(folder / "plain/face/report.html").find("Certainty"), std::string::npos);
+    const ImageU8 picture = load_image(folder / "asked/face/uncertainty.png");
+    const std::uint8_t* const corner = picture.pixel(0, 0);
+    EXPECT_EQ(std::min({corner[0], corner[1], corner[2]}), 255);
+    const std::uint8_t* const face = picture.pixel(picture.width / 4, picture.height / 2);
+    EXPECT_LT(std::min({face[0], face[1], face[2]}), 200);
+    EXPECT_EQ(run(folder, fit + "--method thesis --uncertainty -o refused").exit_code, 2);
+    EXPECT_FALSE(fs::exists(folder / "refused"));
 }
 
 TEST(CommandLine, FindsTheFaceOfAPhotoWithEitherDetector)

@@ -135,6 +135,18 @@ TEST(FitReport, LeavesOutWhatIsNotThere)
     EXPECT_EQ(test::unbalanced_elements(page), "");
 }
 
+TEST(FitReport, ShowsTheUncertaintyWhereThereIsOne)
+{
+    FitReport report = make_fit_report(1, "a.jpg");
+    const std::string without = format_fit_report(report);
+    EXPECT_EQ(without.find("Certainty"), std::string::npos);
+    report.faces[0].uncertainty = ImageU8(8, 8, 3, 90);
+    const std::string with = format_fit_report(report);
+    EXPECT_NE(with.find("Certainty"), std::string::npos);
+    EXPECT_GT(with.size(), without.size());
+    EXPECT_EQ(test::unbalanced_elements(with), "");
+}
+
 TEST(FitReport, RefusesSizesThatDisagree)
 {
     FitReport report = make_fit_report(1, "a.jpg");

@@ -1,6 +1,7 @@
 set(headers
     checks.hpp
     color.hpp
+    color_scale.hpp
     contact_sheet.hpp
     draw.hpp
     font.hpp
