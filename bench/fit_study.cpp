@@ -187,7 +187,7 @@ void pose(const PlantedFaces& faces, int num_subjects)
             const Eigen::Matrix3Xd shape = faces.landmark_points(faces.shape_of(subject.alpha, subject.psi[0]));
             Eigen::Matrix2Xd seen = truth.project(Eigen::Ref<const Eigen::Matrix3Xd>(shape));
             for (Eigen::Index l = 0; l < seen.cols(); ++l) {
-                seen.col(l) += noise_px * Eigen::Vector2d(random.normal(), random.normal());
+                seen.col(l) += noise_px * Eigen::Vector2d{random.normal(), random.normal()};
             }
             for (const bool is_known : {true, false}) {
                 const Eigen::Matrix3Xd points = is_known ? shape : faces.landmark_points(faces.model().shape.mean);

@@ -14,11 +14,18 @@ function(lineament_private_flags target)
                                              -ffp-contract=off $<$<BOOL:${LINEAMENT_WARNINGS_AS_ERRORS}>:-Werror>)
 endfunction()
 
-# Compiles Eigen and common standard headers once for the target: where many files are heavy with Eigen. GCC 12 gives false
-# alarms about strings (-Warray-bounds) where precompiled headers meet much text, so not in io.
+# Compiles Eigen, common standard headers and the model once for the target, and the further headers named.
+#   lineament_precompile(lineament_io NOT_BY_GNU <nlohmann/json.hpp>)
+# NOT_BY_GNU: GCC 12 gives false alarms about strings (-Warray-bounds) where precompiled headers meet much text.
 function(lineament_precompile target)
+    cmake_parse_arguments(precompile "NOT_BY_GNU" "" "" ${ARGN})
+    if(precompile_NOT_BY_GNU AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+        return()
+    endif()
     target_precompile_headers(${target} PRIVATE <Eigen/Dense> <algorithm> <array> <cmath> <filesystem> <map> <optional>
-                                                <string> <vector> ${ARGN})
+                                                <string> <vector> ${precompile_UNPARSED_ARGUMENTS}
+                                                ${PROJECT_SOURCE_DIR}/include/lineament/camera/angles.hpp
+                                                ${PROJECT_SOURCE_DIR}/include/lineament/model/morphable_model.hpp)
     # Lets ccache see what a file includes besides.
     target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
 endfunction()
@@ -57,6 +64,12 @@ function(lineament_library module)
     lineament_private_flags(lineament_${module})
 endfunction()
 
+# Uses the precompiled headers of lineament_test_support, which the target links.
+function(lineament_precompiled_as_tests target)
+    target_precompile_headers(${target} REUSE_FROM lineament_test_support)
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+endfunction()
+
 # A GoogleTest program tests/<module>/<module>_tests with the given sources and libraries:
 #   lineament_test(fit SOURCES a_test.cpp b_test.cpp LIBRARIES lineament::core)
 function(lineament_test module)
@@ -64,7 +77,6 @@ function(lineament_test module)
     add_executable(${module}_tests ${test_SOURCES})
     target_link_libraries(${module}_tests PRIVATE ${test_LIBRARIES} lineament_test_support GTest::gmock GTest::gtest_main)
     lineament_private_flags(${module}_tests)
-    target_precompile_headers(${module}_tests REUSE_FROM lineament_test_support)
-    target_compile_options(${module}_tests PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+    lineament_precompiled_as_tests(${module}_tests)
     gtest_discover_tests(${module}_tests TEST_PREFIX "${module}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endfunction()

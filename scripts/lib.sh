@@ -12,7 +12,7 @@ step_name=start
 build_packages=(g++ cmake ninja-build ccache pkg-config libeigen3-dev libpng-dev libjpeg62-turbo-dev libdlib-dev libdlib-data
                 libavformat-dev libavcodec-dev libswscale-dev libavutil-dev nlohmann-json3-dev libcli11-dev
                 libxnnpack-dev libpthreadpool-dev libcpuinfo-dev libhwy-dev)
-test_packages=(libgtest-dev libgmock-dev libbenchmark-dev)
+test_packages=(clang libgtest-dev libgmock-dev libbenchmark-dev)
 
 say() { printf '%s\n' "$*" >&2; }
 
@@ -60,7 +60,7 @@ configure() {
     shift
     # pch_defines, time_macros: without them ccache keeps nothing that uses precompiled headers.
     cmake --preset "$preset" -S "$root" \
-        "-DCMAKE_CXX_COMPILER_LAUNCHER=env;CCACHE_SLOPPINESS=pch_defines,time_macros;ccache" "$@"
+        "-DCMAKE_CXX_COMPILER_LAUNCHER=env;CCACHE_SLOPPINESS=pch_defines,time_macros;CCACHE_DEPEND=1;ccache" "$@"
 }
 
 # fetch_npm_package NAME VERSION FOLDER: unpacks the package into FOLDER unless it is there.

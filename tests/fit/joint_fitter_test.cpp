@@ -238,7 +238,7 @@ TEST(JointFitter, WildLandmarksHardlyMoveTheFace)
         clean += error(RobustLoss::student_t);
         for (int i = 0; i < 7; ++i) {
             planted.landmarks.landmarks[static_cast<std::size_t>(random.index(68))].point_px +=
-                Eigen::Vector2d(random.uniform(-40, 40), random.uniform(-40, 40));
+                Eigen::Vector2d{random.uniform(-40, 40), random.uniform(-40, 40)};
         }
         student_t += error(RobustLoss::student_t);
         geman_mcclure += error(RobustLoss::geman_mcclure);
@@ -311,36 +311,57 @@ TEST(JointFitter, NoiseOfTheLandmarkMapIsSplitIntoNoiseAndBias)
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)JointFitter(stated, "ibug68", options); }, "another"));
 }
 
+/// Moves the outline landmarks to where people mark them: to the outline that is seen, where the ray from the nose base
+/// through each of them leaves the head.
+void move_to_seen_outline(PlantedFace& planted)
+{
+    const MorphableModel& model = synthetic_face();
+    const Eigen::VectorXf shape =
+        model.shape.instance(planted.alpha) + model.expression_sets[0].displacement(planted.psi);
+    const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, model.num_vertices());
+    const Eigen::Matrix2Xd seen =
+        planted.camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(Eigen::Matrix3Xd(vertices.cast<double>())));
+    const Eigen::Matrix3Xi& triangles = model.levels.back().triangles;
+    const Eigen::Vector2d nose_base = planted.landmarks.landmarks[33].point_px;
+    for (std::size_t l = 0; l < 17; ++l) {
+        const Eigen::Vector2d ray = (planted.landmarks.landmarks[l].point_px - nose_base).normalized();
+        const Eigen::Vector2d across(-ray.y(), ray.x());
+        double last = 0;
+        for (Eigen::Index i = 0; i < triangles.size(); ++i) {
+            const Eigen::Vector2d a = seen.col(triangles(i)) - nose_base;
+            const Eigen::Vector2d b = seen.col(triangles((i + 1) % 3, i / 3)) - nose_base;
+            if ((across.dot(a) < 0) != (across.dot(b) < 0)) {
+                last = std::max(last, ray.dot(a + across.dot(a) / across.dot(a - b) * (b - a)));
+            }
+        }
+        planted.landmarks.landmarks[l].point_px = nose_base + last * ray;
+    }
+}
+
 TEST(JointFitter, OutlineMatchesBeatAFixedOutlineWhereTheOutlineIsWhatIsSeen)
 {
-    // Outline landmarks put where the silhouette is seen, not at their map points.
     Random random(139);
     JointOptions fixed = given(1.0);
     JointOptions matched = given(1.0);
     matched.contour = ContourMode::both;
-    const JointFitter fixed_fitter(synthetic_face(), "ibug68", fixed),
-        matched_fitter(synthetic_face(), "ibug68", matched);
-    double fixed_rms = 0, matched_rms = 0;
-    for (int trial = 0; trial < 10; ++trial) {
+    const JointFitter fixed_fitter(synthetic_face(), "ibug68", fixed);
+    const JointFitter matched_fitter(synthetic_face(), "ibug68", matched);
+    double fixed_mm = 0;
+    double matched_mm = 0;
+    const int count = 20;
+    for (int trial = 0; trial < count; ++trial) {
         PlantedFace planted = plant_face_from_priors(random, 0.0, 0);
         planted.camera.camera_from_model = rotation_from_angles({radians(trial % 2 == 0 ? 35 : -35), 0.1, 0});
         planted.landmarks = test::project_landmarks(synthetic_face(), "ibug68", planted.alpha, planted.psi,
                                                     planted.camera, 0.5, random);
-        const ContourModel contour(synthetic_face());
-        Eigen::VectorXf shape = synthetic_face().shape.instance(planted.alpha) +
-                                synthetic_face().expression_sets[0].displacement(planted.psi);
-        const Eigen::Map<const Eigen::Matrix3Xf> vertices(shape.data(), 3, synthetic_face().num_vertices());
-        for (const ContourMatch& match : match_contour(contour, vertices, planted.camera, planted.landmarks).matches) {
-            planted.landmarks.landmarks[static_cast<std::size_t>(match.landmark_index)].point_px =
-                planted.camera.project(Eigen::Vector3d(vertices.col(match.vertex).cast<double>()));
-        }
+        move_to_seen_outline(planted);
         const auto error = [&](const JointFitter& fitter) {
             return neutral_distance_mm(fitter.fit(planted.landmarks, {320, 240}).fit.shape_coefficients, planted.alpha);
         };
-        fixed_rms += error(fixed_fitter);
-        matched_rms += error(matched_fitter);
+        fixed_mm += error(fixed_fitter) / count;
+        matched_mm += error(matched_fitter) / count;
     }
-    EXPECT_LT(matched_rms, fixed_rms);
+    EXPECT_LT(matched_mm, 0.85 * fixed_mm);
 }
 
 } // namespace

@@ -19,7 +19,7 @@ Eigen::Matrix3Xd random_points(Random& random, int count)
 {
     Eigen::Matrix3Xd points(3, count);
     for (int i = 0; i < count; ++i) {
-        points.col(i) = Eigen::Vector3d(random.uniform(-75, 75), random.uniform(-100, 100), random.uniform(-20, 80));
+        points.col(i) = Eigen::Vector3d{random.uniform(-75, 75), random.uniform(-100, 100), random.uniform(-20, 80)};
     }
     return points;
 }
@@ -251,7 +251,9 @@ TEST(EstimateAffineCamera, IsTheLeastSquaresSolution)
     const Eigen::Matrix2Xd seen = add_noise(project(test::random_camera(random), points), 5, random);
     const Eigen::MatrixXd design = points.colwise().homogeneous().transpose();
     const Eigen::MatrixXd expected =
-        design.bdcSvd(Eigen::ComputeThinU | Eigen::ComputeThinV).solve(Eigen::MatrixXd(seen.transpose())).transpose();
+        Eigen::JacobiSVD<Eigen::MatrixXd>(design, Eigen::ComputeThinU | Eigen::ComputeThinV)
+            .solve(Eigen::MatrixXd(seen.transpose()))
+            .transpose();
     EXPECT_THAT(estimate_affine_camera(points, seen).image_from_model, IsNear(expected, 1e-9));
 }
 

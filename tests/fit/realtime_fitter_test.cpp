@@ -261,7 +261,7 @@ TEST(RealtimeFitter, FollowsAFaceFromItsOwnLastResult)
     bench.fit(planted);
     for (int frame = 0; frame < 20; ++frame) {
         for (Landmark& landmark : planted.landmarks.landmarks) {
-            landmark.point_px += 0.5 * Eigen::Vector2d(random.normal(), random.normal());
+            landmark.point_px += 0.5 * Eigen::Vector2d{random.normal(), random.normal()};
         }
         reference = bench.reference(planted, &reference);
         expect_same(bench.fit(planted, &bench.result), reference, face_model(), 2.0);
@@ -375,7 +375,7 @@ TEST(RealtimeFitter, HoldsCoefficientsAtTheirBounds)
     for (int trial = 0; trial < 10; ++trial) {
         Planted planted = plant(face_model(), random, 1.0, 20);
         for (Landmark& landmark : planted.landmarks.landmarks) { // a face no one has
-            landmark.point_px += 25 * Eigen::Vector2d(random.normal(), random.normal());
+            landmark.point_px += 25 * Eigen::Vector2d{random.normal(), random.normal()};
         }
         const FitResult reference = bench.reference(planted);
         expect_same(bench.fit(planted), reference, face_model(), 10.0);

@@ -35,7 +35,7 @@ TEST(Draw, DiscCircleAndLineHaveTheirAnalyticArea)
     const double pi = std::numbers::pi;
     Random random(51);
     for (int i = 0; i < 20; ++i) {
-        const Eigen::Vector2d center(50 + random.uniform(-1, 1), 50 + random.uniform(-1, 1));
+        const Eigen::Vector2d center{50 + random.uniform(-1, 1), 50 + random.uniform(-1, 1)};
         ImageU8 disc(100, 100, 1);
         draw_disc(disc, center, 20.3, white);
         EXPECT_NEAR(ink(disc), pi * 20.3 * 20.3, 0.01 * pi * 20.3 * 20.3);

@@ -85,7 +85,8 @@ TEST(TriangleCoverage, SharedEdgesAreDrawnExactlyOnce)
             return is_on_centers ? GridPoint::nearest({std::floor(x) + 0.5, std::floor(y) + 0.5})
                                  : GridPoint::nearest({x, y});
         };
-        const GridPoint middle = snapped(random.uniform(2, 30), random.uniform(2, 30));
+        const double x = random.uniform(2, 30);
+        const GridPoint middle = snapped(x, random.uniform(2, 30));
         const int num_rim = 3 + random.index(12);
         std::vector<GridPoint> rim;
         for (int k = 0; k < num_rim; ++k) {

@@ -27,7 +27,8 @@ TEST(Plot, TicksAreRoundAndWithinTheRange)
 {
     Random random(2);
     for (int i = 0; i < 2000; ++i) {
-        const double low = random.normal() * std::pow(10.0, random.uniform(-6, 6));
+        const double size = std::pow(10.0, random.uniform(-6, 6));
+        const double low = size * random.normal();
         const double high = low + std::pow(10.0, random.uniform(-3, 6));
         const std::vector<double> ticks = nice_ticks(low, high, 6);
         ASSERT_GE(ticks.size(), 1u);

@@ -33,7 +33,7 @@ inline FitResult make_fit(const MorphableModel& model, std::uint64_t seed)
                                                 fit.camera, 0.0, random);
     for (std::size_t i = 0; i < exact.landmarks.size(); ++i) {
         const Eigen::Vector2d fitted = exact.landmarks[i].point_px;
-        const Eigen::Vector2d seen = fitted + Eigen::Vector2d(2.0 * random.normal(), 2.0 * random.normal());
+        const Eigen::Vector2d seen = fitted + Eigen::Vector2d{2.0 * random.normal(), 2.0 * random.normal()};
         fit.landmarks.push_back({exact.landmarks[i].name, seen, fitted, i % 9 == 0 ? 0.0 : 1.0});
     }
     fit.rms_px = 2.83;

@@ -256,7 +256,7 @@ Camera random_camera(Random& random, double max_yaw_deg)
     camera.camera_from_model = rotation_from_angles({yaw, pitch, roll});
     camera.scale_px_per_mm = random.uniform(1.0, 1.4);
     camera.principal_point_px = Eigen::Vector2d(320, 240);
-    camera.translation_mm = Eigen::Vector2d(random.uniform(-20, 20), random.uniform(-20, 20));
+    camera.translation_mm = Eigen::Vector2d{random.uniform(-20, 20), random.uniform(-20, 20)};
     return camera;
 }
 
@@ -277,7 +277,7 @@ LandmarkSet project_landmarks(const MorphableModel& model, const std::string& sc
         Landmark landmark;
         landmark.name = map.names[static_cast<std::size_t>(l)];
         landmark.point_px = camera.project(Eigen::Vector3d(points.col(l).cast<double>()));
-        landmark.point_px += noise_px * Eigen::Vector2d(random.normal(), random.normal());
+        landmark.point_px += noise_px * Eigen::Vector2d{random.normal(), random.normal()};
         set.landmarks.push_back(landmark);
     }
     return set;

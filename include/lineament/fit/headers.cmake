@@ -15,6 +15,7 @@ set(headers
     multi_frame.hpp
     nnls.hpp
     pose.hpp
+    realtime_buffers.hpp
     realtime_fitter.hpp
     robust_loss.hpp
 )
@@ -25,6 +26,7 @@ set(definitions
     depth_buffer_impl.hpp
     face_fitter_impl.hpp
     frame_fit_impl.hpp
+    identity_filter_impl.hpp
     identity_impl.hpp
     joint_fit_impl.hpp
     joint_fitter_impl.hpp

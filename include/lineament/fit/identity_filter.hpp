@@ -4,7 +4,6 @@
 
 #include "lineament/core/checks.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 namespace lineament {
@@ -50,12 +49,8 @@ public:
     /// The prior for the next image's fit.
     [[nodiscard]] const IdentityInformation& state() const { return state_; }
     [[nodiscard]] int num_images() const { return num_images_; }
-    [[nodiscard]] Eigen::VectorXd mean() const { return state_.matrix.ldlt().solve(state_.vector); }
-    [[nodiscard]] Eigen::MatrixXd covariance() const
-    {
-        const Eigen::Index size = state_.vector.size();
-        return state_.matrix.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
-    }
+    [[nodiscard]] Eigen::VectorXd mean() const;       ///< m.
+    [[nodiscard]] Eigen::MatrixXd covariance() const; ///< m x m.
 
 private:
     IdentityInformation state_;
@@ -63,3 +58,7 @@ private:
 };
 
 } // namespace lineament
+
+#ifndef LINEAMENT_COMPILED_FIT
+#include "lineament/fit/identity_filter_impl.hpp"
+#endif

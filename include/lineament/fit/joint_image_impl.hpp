@@ -5,6 +5,7 @@
 #ifndef LINEAMENT_FIT_JOINT_IMAGE_IMPL_HPP
 #define LINEAMENT_FIT_JOINT_IMAGE_IMPL_HPP
 
+#include "lineament/camera/angles.hpp"
 #include "lineament/fit/contour_support_impl.hpp"
 #include "lineament/fit/joint_problem_impl.hpp"
 #include "lineament/fit/landmark_use_impl.hpp"

@@ -274,9 +274,9 @@ inline void RealtimeFit::find_near_triangles(float moved_mm, const SilhouetteExt
         const int last_band = to_band(std::max(std::max(y[a], y[b]), y[c]) + moved_mm - low_y);
         const std::uint64_t cells =
             (~std::uint64_t{0} << to_cell(first_x - low_x)) & (~std::uint64_t{0} >> (63 - to_cell(last_x - low_x)));
-        bool is_near = false;
+        int is_near = 0; // no branch in this loop
         for (int band = first_band; band <= last_band; ++band) {
-            is_near |= ((cells & work_.bands[band].cells) != 0) & (least_z < work_.bands[band].farthest);
+            is_near |= int{(cells & work_.bands[band].cells) != 0} & int{least_z < work_.bands[band].farthest};
         }
         near_triangles[num_near_triangles_] = t;
         num_near_triangles_ += is_near;

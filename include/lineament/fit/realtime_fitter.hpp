@@ -3,7 +3,7 @@
 #pragma once
 
 #include "lineament/fit/face_fitter.hpp"
-#include "lineament/fit/realtime_pack_impl.hpp"
+#include "lineament/fit/realtime_buffers.hpp"
 #include "lineament/kernels/scalar_kernels.hpp"
 
 #include <Eigen/Core>

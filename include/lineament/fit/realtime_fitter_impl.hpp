@@ -6,6 +6,7 @@
 
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/realtime_fit_impl.hpp"
+#include "lineament/fit/realtime_pack_impl.hpp"
 
 #include <utility>
 

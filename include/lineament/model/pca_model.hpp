@@ -43,12 +43,13 @@ struct PcaModel
     /// Least-squares coefficients (m) of a vector (3V): diag(1/sigma) U^T (v - mean) at the full level, the solution
     /// of the normal equations below it.
     /// @throws InvalidArgument if the size is not 3V or an entry is not finite.
-    [[nodiscard]] Eigen::VectorXd coefficients(const Eigen::Ref<const Eigen::VectorXf>& vector) const
+    template <typename Derived> // compiled where it is called only: solving takes long to compile
+    [[nodiscard]] Eigen::VectorXd coefficients(const Eigen::MatrixBase<Derived>& vector) const
     {
         require_size(vector.size(), mean.size(), "PcaModel::coefficients", "vector");
         require_finite(vector, "PcaModel::coefficients", "vector");
         const Eigen::MatrixXd scaled = rescaled_basis().cast<double>();
-        const Eigen::VectorXd difference = vector.cast<double>() - mean.cast<double>();
+        const Eigen::VectorXd difference = vector.template cast<double>() - mean.cast<double>();
         return (scaled.transpose() * scaled).ldlt().solve(scaled.transpose() * difference);
     }
 

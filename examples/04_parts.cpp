@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The third door: the parts, each on its own, put together to a fit in a page. Usage: example_03_parts MODEL
+// The fourth door: the parts, each on its own, put together to a fit in a page. Usage: example_04_parts MODEL
 #include <lineament/camera/angles.hpp>
 #include <lineament/fit/expression.hpp>
 #include <lineament/fit/identity.hpp>

@@ -1,0 +1,218 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// What RealtimeFitter packs of a model, and the buffers it works in.                                  docs/realtime.md
+#pragma once
+
+#include "lineament/fit/contour.hpp"
+#include "lineament/kernels/aligned_buffer.hpp"
+#include "lineament/kernels/kernels.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace lineament::detail {
+
+using kernels::AlignedBuffer;
+
+/// Cells of DepthBuffer along each axis at most.
+inline constexpr int max_cells = 1024;
+
+/// Where the coordinates of points stand: x0 y0 z0 x1 ..., or all x, then all y, then all z, each padded to panels.
+enum class CoordinateOrder
+{
+    interleaved,
+    planar,
+};
+
+/// Mean and columns of points in panels of 64 coordinates.
+struct PointPanels
+{
+    int num_points = 0;
+    int num_panels = 0;
+    int axis_step = 1; ///< From x to y of a point.
+    int point_step = 3;
+    AlignedBuffer<float> mean = {};
+    AlignedBuffer<float> identity = {};
+    AlignedBuffer<float> expression = {};
+
+    [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(num_panels) * kernels::panel_size; }
+};
+
+/// Row-major rows of points, three each, in full width.
+struct PointRows
+{
+    AlignedBuffer<float> mean = {}; ///< x0 y0 z0 x1 ...
+    AlignedBuffer<float> identity = {};
+    AlignedBuffer<float> expression = {};
+};
+
+/// One side's silhouette region.
+struct ContourRegion
+{
+    struct Edge
+    {
+        std::array<int, 2> vertices;
+        std::array<int, 2> triangles;
+    };
+    int first_candidate = 0;              ///< Among RealtimePack::candidates.
+    std::vector<int> candidate_rows = {}; ///< Into RealtimePack::contour_rows.
+    PointPanels vertices = {};            ///< Those of its triangles, ascending.
+    std::vector<std::array<int, 3>> triangles = {};
+    std::vector<Edge> edges = {};
+    std::vector<int> rows = {}; ///< Of each region vertex, into contour_rows; -1: at no edge.
+};
+
+/// Where a landmark of the map is found.
+struct MapEntry
+{
+    int fixed_index = -1; ///< Among the fixed points, or
+    int rest_index = -1;  ///< among the others.
+    bool is_outline = false;
+    FaceSide side = FaceSide::left; ///< Of an outline landmark.
+    bool is_measured = true;        ///< Its noise is finite.
+};
+
+/// A model in single precision, laid out for the kernels.
+struct RealtimePack
+{
+    int num_shape = 0;        ///< m
+    int num_expressions = 0;  ///< k
+    int shape_width = 0;      ///< Of identity rows: m and a right side, rounded up.
+    int expression_width = 0; ///< Of expression rows.
+    bool has_contour = false;
+
+    std::vector<MapEntry> map = {};
+    PointPanels fixed = {}; ///< Landmarks tied to their points.
+    PointPanels rest = {};  ///< The others, for the result only.
+    PointRows fixed_rows = {};
+    std::vector<double> fixed_information = {}; ///< Weight of each before scale and confidence.
+    double contour_information = 0.0;           ///< Of a matched landmark.
+    AlignedBuffer<float> identity_grams = {};   ///< Six matrices, Eq. (5), of all fixed points with these weights.
+    AlignedBuffer<float> expression_grams = {};
+
+    PointPanels candidates = {}; ///< Of both sides.
+    PointPanels occluders = {};
+    PointRows occluder_rows = {};
+    std::vector<std::array<int, 3>> occluder_triangles = {};
+    std::vector<double> shape_reach = {};      ///< How far a unit of each coefficient moves any occluder [mm].
+    std::vector<double> expression_reach = {}; ///< Likewise.
+    double shape_norm = 0.0;                   ///< How far all of them together may, by their Euclidean norm [mm].
+    std::array<ContourRegion, 2> regions = {}; ///< By FaceSide.
+    PointRows contour_rows = {};
+    std::vector<int> contour_vertices = {}; ///< Of these rows.
+    int max_matches = 0;
+
+    PointPanels mesh = {};
+    AlignedBuffer<std::int16_t> mesh_identity = {}; ///< With MeshStorage::int16, instead of the columns in `mesh`.
+    AlignedBuffer<std::int16_t> mesh_expression = {};
+    std::vector<float> mesh_identity_scales = {}; ///< Of the columns.
+    std::vector<float> mesh_expression_scales = {};
+};
+
+/// S(a, 0) wherever a fit looks.
+struct NeutralShape
+{
+    AlignedBuffer<float> fixed = {};
+    AlignedBuffer<float> rest = {};
+    AlignedBuffer<float> candidates = {};
+    std::array<AlignedBuffer<float>, 2> regions = {};
+    AlignedBuffer<float> contour = {}; ///< Of every row of contour_rows; frozen identities only.
+    AlignedBuffer<float> mesh = {};
+};
+
+struct RealtimeMatch
+{
+    int landmark_index;
+    double u, v; ///< [px], from the principal point.
+    double information;
+};
+
+/// An octagon around the silhouette's points, and their greatest depth.
+struct SilhouetteExtent
+{
+    static constexpr float infinity = std::numeric_limits<float>::infinity();
+    float low_x = infinity, high_x = -infinity, low_y = infinity, high_y = -infinity;
+    float low_sum = infinity, high_sum = -infinity, low_difference = infinity, high_difference = -infinity;
+    float farthest = -infinity;
+
+    void add(float x, float y, float z)
+    {
+        low_x = std::min(low_x, x);
+        high_x = std::max(high_x, x);
+        low_y = std::min(low_y, y);
+        high_y = std::max(high_y, y);
+        low_sum = std::min(low_sum, x + y);
+        high_sum = std::max(high_sum, x + y);
+        low_difference = std::min(low_difference, x - y);
+        high_difference = std::max(high_difference, x - y);
+        farthest = std::max(farthest, z);
+    }
+};
+
+/// Where the silhouette's points of one range of y lie.
+struct SilhouetteBand
+{
+    std::uint64_t cells = 0; ///< A bit for each range of x that holds one.
+    float farthest = -std::numeric_limits<float>::infinity();
+};
+
+struct OutlineLandmark
+{
+    int landmark_index;
+    double u, v;
+    double confidence;
+};
+
+/// Everything a fit writes; sized once.
+struct RealtimeBuffers
+{
+    NeutralShape neutral = {};
+    std::vector<double> alpha = {}, psi = {}, coefficients = {};
+    AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
+
+    std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
+    std::vector<int> map_indices = {};       ///< Of each landmark given.
+    std::vector<double> fixed_u = {}, fixed_v = {}, fixed_confidence = {};
+    std::array<std::vector<OutlineLandmark>, 2> outline = {};
+
+    AlignedBuffer<float> fixed = {}, rest = {}; ///< S(a, psi).
+    std::vector<RealtimeMatch> matches = {};
+    std::vector<int> match_rows = {};
+    AlignedBuffer<float> match_neutral = {}, match_offset = {}, match_positions = {};
+
+    AlignedBuffer<double> pose_points = {};
+    std::vector<int> present = {};
+    std::vector<float> roots = {};
+    AlignedBuffer<float> factors = {}, residuals = {};
+    AlignedBuffer<float> rows = {};   ///< Projected.
+    AlignedBuffer<float> system = {}; ///< Widest of all.
+    AlignedBuffer<float> gram = {};
+    AlignedBuffer<float> right_side = {}, step = {}, free_step = {}, gradient = {};
+    std::vector<signed char> bound_state = {}; ///< 0 free, -1 at 0, 1 at the upper bound.
+    std::vector<signed char> next_state = {};
+    std::vector<int> free = {};
+
+    AlignedBuffer<float> candidates = {};
+    AlignedBuffer<float> region = {}, seen = {}; ///< Planar.
+    std::vector<unsigned char> is_facing = {}, is_marked = {}, is_hidden = {};
+    std::vector<int> silhouette = {}, silhouette_cells = {}, row_begins = {}, by_row = {};
+
+    /// Occluders of some shape seen before: all of them are evaluated only when the shape has moved far from it.
+    bool has_occluders = false;
+    std::vector<double> occluder_alpha = {}, occluder_psi = {};
+    AlignedBuffer<float> occluder_neutral = {}, occluders = {}, occluders_seen = {}; ///< Planar.
+    std::vector<int> outcodes = {};
+    std::vector<SilhouetteBand> bands = {};
+    std::vector<int> near_triangles = {}, near_slots = {}, near_vertices = {};
+    AlignedBuffer<float> near_neutral = {}, near_offset = {}, near_seen = {};
+    std::vector<double> projected_u = {}, projected_v = {};
+    std::vector<int> projected_rows = {};
+    AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
+};
+
+} // namespace lineament::detail

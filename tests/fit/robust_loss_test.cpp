@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/robust_loss.hpp"
+
+#include <gtest/gtest.h>
+
+namespace lineament {
+namespace {
+
+TEST(RobustLoss, WeightIsTheDerivativeAndTheLossNeverFalls)
+{
+    for (const RobustLoss loss : {RobustLoss::none, RobustLoss::student_t, RobustLoss::geman_mcclure}) {
+        for (const int dimensions : {1, 2}) {
+            EXPECT_EQ(robust_loss(loss, 0.0, dimensions), 0.0);
+            for (const double u : {0.1, 1.0, 10.0, 1000.0}) {
+                const double step = 1e-5 * u;
+                const double numeric =
+                    (robust_loss(loss, u + step, dimensions) - robust_loss(loss, u - step, dimensions)) / (2 * step);
+                EXPECT_NEAR(robust_weight(loss, u, dimensions), numeric, 1e-6);
+                EXPECT_GE(numeric, 0);
+                const double slope =
+                    (robust_weight(loss, u + step, dimensions) - robust_weight(loss, u - step, dimensions)) /
+                    (2 * step);
+                EXPECT_NEAR(robust_curvature(loss, u, dimensions),
+                            std::max(0.1 * numeric, numeric + 2.0 / dimensions * u * slope), 1e-6);
+            }
+        }
+    }
+    EXPECT_EQ(robust_weight(RobustLoss::none, 1e6, 2), 1.0); // the twin: least squares never doubts
+    EXPECT_LT(robust_weight(RobustLoss::student_t, 1e6, 2), 1e-4);
+    EXPECT_LT(robust_weight(RobustLoss::geman_mcclure, 1e6, 2), 1e-9);
+}
+
+} // namespace
+} // namespace lineament
