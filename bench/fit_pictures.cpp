@@ -6,6 +6,7 @@
 //
 //   fit_pictures FOLDER [--model FILE] [--subjects N]
 #include "fit_by_parts.hpp"
+#include "options.hpp"
 #include "planted.hpp"
 
 #include "lineament/fit/contour.hpp"
@@ -18,7 +19,6 @@
 #include "lineament/render/shading.hpp"
 
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -259,21 +259,10 @@ void draw_uncertainty(const PlantedFaces& faces, const std::filesystem::path& fo
 
 int main(int argc, char** argv)
 {
-    std::string path = default_model_path();
-    int num_subjects = 100;
-    for (int i = 2; i + 1 < argc; i += 2) {
-        if (std::strcmp(argv[i], "--model") == 0) {
-            path = argv[i + 1];
-        } else if (std::strcmp(argv[i], "--subjects") == 0) {
-            num_subjects = std::max(2, std::atoi(argv[i + 1]));
-        }
-    }
-    if (argc < 2) {
-        std::fprintf(stderr, "usage: fit_pictures FOLDER [--model FILE] [--subjects N]\n");
-        return 2;
-    }
+    const bench::Options given(argc, argv, "fit_pictures FOLDER [--model FILE] [--subjects N]", 1);
+    const int num_subjects = given.count("--subjects", 100, 2);
     try {
-        const PlantedFaces faces(load_model(path));
+        const PlantedFaces faces(load_model(given.text("--model", default_model_path())));
         const std::filesystem::path folder = argv[1];
         std::filesystem::create_directories(folder);
         draw_expressions(faces, folder);

@@ -7,6 +7,7 @@
 //
 //   fit_study [--model FILE] [--subjects N] [--only PART]
 #include "fit_by_parts.hpp"
+#include "options.hpp"
 #include "planted.hpp"
 
 #include "lineament/fit/joint_fitter.hpp"
@@ -14,7 +15,6 @@
 #include "lineament/io/model_file.hpp"
 
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <map>
@@ -374,19 +374,11 @@ void posterior(const PlantedFaces& faces, int num_subjects)
 
 int main(int argc, char** argv)
 {
-    std::string path = default_model_path(), only;
-    int num_subjects = 200;
-    for (int i = 1; i + 1 < argc; i += 2) {
-        if (std::strcmp(argv[i], "--model") == 0) {
-            path = argv[i + 1];
-        } else if (std::strcmp(argv[i], "--subjects") == 0) {
-            num_subjects = std::max(8, std::atoi(argv[i + 1]));
-        } else if (std::strcmp(argv[i], "--only") == 0) {
-            only = argv[i + 1];
-        }
-    }
+    const bench::Options given(argc, argv, "fit_study [--model FILE] [--subjects N] [--only PART]");
+    const std::string only = given.text("--only", "");
+    const int num_subjects = given.count("--subjects", 200, 8);
     try {
-        const PlantedFaces faces(load_model(path));
+        const PlantedFaces faces(load_model(given.text("--model", default_model_path())));
         std::printf("# %s, %d subjects (half of them for several images)\npart,quantity,series,x,mean,error,count\n",
                     faces.model().name.c_str(), num_subjects);
         const auto run = [&](const char* name, void (*part)(const PlantedFaces&, int)) {

@@ -8,6 +8,7 @@
 //
 //   fit_time_study [--model FILE] [--repetitions N]
 #include "measures.hpp"
+#include "options.hpp"
 #include "planted.hpp"
 
 #include "lineament/fit/joint_fitter.hpp"
@@ -16,7 +17,6 @@
 #include "lineament/kernels/dispatched_kernels.hpp"
 
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -115,17 +115,10 @@ void print(const std::vector<Case>& cases)
 
 int main(int argc, char** argv)
 {
-    std::string path = default_model_path();
-    int repetitions = 15;
-    for (int i = 1; i + 1 < argc; i += 2) {
-        if (std::strcmp(argv[i], "--model") == 0) {
-            path = argv[i + 1];
-        } else if (std::strcmp(argv[i], "--repetitions") == 0) {
-            repetitions = std::max(1, std::atoi(argv[i + 1]));
-        }
-    }
+    const bench::Options given(argc, argv, "fit_time_study [--model FILE] [--repetitions N]");
+    const int repetitions = given.count("--repetitions", 15, 1);
     try {
-        const bench::PlantedFaces faces(load_model(path));
+        const bench::PlantedFaces faces(load_model(given.text("--model", default_model_path())));
         bench::Protocol protocol;
         protocol.outline = bench::Outline::visible;
         std::vector<LandmarkSet> sets;

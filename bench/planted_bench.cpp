@@ -6,6 +6,7 @@
 // the mask "face" in mm, with means and standard errors, as tables in Markdown.       docs/joint-fit.md
 //
 //   planted_bench [--model FILE] [--subjects N] [--only WORD]
+#include "options.hpp"
 #include "planted.hpp"
 
 #include "lineament/fit/joint_fitter.hpp"
@@ -15,7 +16,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <string>
@@ -305,19 +305,11 @@ void statuses(int num_fits)
 
 int main(int argc, char** argv)
 {
-    std::string path = default_model_path(), only;
-    int num_subjects = 200;
-    for (int i = 1; i + 1 < argc; i += 2) {
-        if (std::strcmp(argv[i], "--model") == 0) {
-            path = argv[i + 1];
-        } else if (std::strcmp(argv[i], "--subjects") == 0) {
-            num_subjects = std::max(8, std::atoi(argv[i + 1]));
-        } else if (std::strcmp(argv[i], "--only") == 0) {
-            only = argv[i + 1];
-        }
-    }
+    const bench::Options given(argc, argv, "planted_bench [--model FILE] [--subjects N] [--only WORD]");
+    const std::string only = given.text("--only", "");
+    const int num_subjects = given.count("--subjects", 200, 8);
     try {
-        const bench::PlantedFaces faces(load_model(path));
+        const bench::PlantedFaces faces(load_model(given.text("--model", default_model_path())));
         planted = &faces;
         std::printf(
             "model %s, %d face vertices, %d subjects (a quarter of them for ten images), yaw within 45 degrees, "

@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <string>
+
+namespace lineament::bench {
+
+/// The options of a program's command line, each with a value. The names are those of the usage, as in
+/// "fit_study [--model FILE] [--subjects N]"; anything else ends the program with status 2 and the usage.
+class Options
+{
+public:
+    Options(int argc, char** argv, const std::string& usage, int num_positional = 0)
+    {
+        bool is_usage = argc > num_positional;
+        for (int i = 1 + num_positional; i < argc && is_usage; i += 2) {
+            is_usage = i + 1 < argc && usage.find(std::string("[") + argv[i] + " ") != std::string::npos;
+            if (is_usage) {
+                values_[argv[i]] = argv[i + 1];
+            }
+        }
+        if (!is_usage) {
+            std::fprintf(stderr, "usage: %s\n", usage.c_str());
+            std::exit(2);
+        }
+    }
+
+    [[nodiscard]] std::string text(const std::string& name, const std::string& otherwise) const
+    {
+        const auto found = values_.find(name);
+        return found == values_.end() ? otherwise : found->second;
+    }
+
+    /// At least `least`.
+    [[nodiscard]] int count(const std::string& name, int otherwise, int least) const
+    {
+        return std::max(least, std::atoi(text(name, std::to_string(otherwise)).c_str()));
+    }
+
+private:
+    std::map<std::string, std::string> values_ = {};
+};
+
+} // namespace lineament::bench
