@@ -70,10 +70,11 @@ NestedLevels compute_nested_levels(const Mesh& mesh, const Eigen::VectorXi& mirr
     NestedLevels result;
     detail::Decimator decimator(mesh, mirror, options);
     result.levels.push_back(decimator.level(with_groups));
-    for (auto count = options.vertex_counts.rbegin(); count != options.vertex_counts.rend(); ++count) {
-        decimator.reduce_to(*count);
+    const std::vector<int> fine_to_coarse(options.vertex_counts.rbegin(), options.vertex_counts.rend());
+    for (const int count : fine_to_coarse) {
+        decimator.reduce_to(count);
         result.levels.push_back(decimator.level(with_groups));
-        if (decimator.num_left() != *count) {
+        if (decimator.num_left() != count) {
             result.status = DecimationStatus::count_not_reached;
         }
     }
@@ -91,8 +92,9 @@ NestedLevels compute_nested_levels(const Mesh& mesh, const Eigen::VectorXi& mirr
             result.vertex_order(next++) = v;
         }
     }
-    for (auto v = decimator.removed().rbegin(); v != decimator.removed().rend(); ++v) {
-        result.vertex_order(next++) = *v;
+    const std::vector<int> last_removed_first(decimator.removed().rbegin(), decimator.removed().rend());
+    for (const int v : last_removed_first) {
+        result.vertex_order(next++) = v;
     }
     Eigen::VectorXi new_from_old(num_vertices);
     for (int v = 0; v < num_vertices; ++v) {

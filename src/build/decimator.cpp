@@ -304,6 +304,7 @@ bool Decimator::collapse_with_mirror(int removed, int kept)
     const std::vector<int> at_removed = triangles_at_[removed];
     const std::vector<int> at_kept = triangles_at_[kept];
     std::vector<std::pair<Eigen::Vector3i, char>> before;
+    before.reserve(at_removed.size());
     for (const int t : at_removed) {
         before.emplace_back(triangles_.col(t), is_alive_[t]);
     }

@@ -108,7 +108,7 @@ void NetworkReader::read_tensors(const FlatTable& model, const FlatTable& graph)
             size *= static_cast<std::size_t>(length);
             tensor.shape.push_back(length);
         }
-        const int type = entry.number<std::int8_t>(1, 0);
+        const auto type = entry.number<std::int8_t>(1, 0);
         if (type < 0 || type > 2 || entry.has(6)) {
             bytes_.fail(entry.place(), "a tensor of type " + std::to_string(type) + " or sparse");
         }
