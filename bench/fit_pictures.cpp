@@ -19,7 +19,6 @@
 #include "lineament/render/shading.hpp"
 
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <limits>
 #include <string>

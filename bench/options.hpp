@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
+#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
 #include <string>
+#include <system_error>
 
 namespace lineament::bench {
 
@@ -15,7 +16,7 @@ namespace lineament::bench {
 class Options
 {
 public:
-    Options(int argc, char** argv, const std::string& usage, int num_positional = 0)
+    Options(int argc, char** argv, const std::string& usage, int num_positional = 0) : usage_(usage)
     {
         bool is_usage = argc > num_positional;
         for (int i = 1 + num_positional; i < argc && is_usage; i += 2) {
@@ -25,8 +26,7 @@ public:
             }
         }
         if (!is_usage) {
-            std::fprintf(stderr, "usage: %s\n", usage.c_str());
-            std::exit(2);
+            refuse();
         }
     }
 
@@ -36,13 +36,27 @@ public:
         return found == values_.end() ? otherwise : found->second;
     }
 
-    /// At least `least`.
+    /// A whole number, at least `least`; anything else ends the program likewise.
     [[nodiscard]] int count(const std::string& name, int otherwise, int least) const
     {
-        return std::max(least, std::atoi(text(name, std::to_string(otherwise)).c_str()));
+        const std::string digits = text(name, std::to_string(otherwise));
+        int value = 0;
+        const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+        if (error != std::errc() || end != digits.data() + digits.size() || value < least) {
+            std::fprintf(stderr, "%s: expected a whole number >= %d, found %s\n", name.c_str(), least, digits.c_str());
+            refuse();
+        }
+        return value;
     }
 
 private:
+    [[noreturn]] void refuse() const
+    {
+        std::fprintf(stderr, "usage: %s\n", usage_.c_str());
+        std::exit(2);
+    }
+
+    std::string usage_;
     std::map<std::string, std::string> values_ = {};
 };
 

@@ -153,7 +153,7 @@ public:
                 Landmark landmark{map().names[static_cast<std::size_t>(l)], seen.col(l)};
                 landmark.point_px += protocol.noise_px * Eigen::Vector2d{random.normal(), random.normal()};
                 if (wild.uniform() < protocol.wild_share) {
-                    landmark.point_px += Eigen::Vector2d(wild.uniform(-20, 20), wild.uniform(-20, 20));
+                    landmark.point_px += Eigen::Vector2d{wild.uniform(-20, 20), wild.uniform(-20, 20)};
                 }
                 set.landmarks.push_back(landmark);
             }
