@@ -108,6 +108,15 @@ void extract_texture_bench(benchmark::State& state)
     }
 }
 
+/// What `vertex_skin` adds to extract_texture.
+void foreground_test_bench(benchmark::State& state)
+{
+    const Scene& s = scene();
+    for ([[maybe_unused]] auto _ : state) {
+        benchmark::DoNotOptimize(ForegroundTest(s.mesh.vertices, s.mesh.triangles, s.camera, s.picture));
+    }
+}
+
 void fuse_texture_bench(benchmark::State& state)
 {
     const Scene& s = scene();
@@ -134,6 +143,7 @@ BENCHMARK(render_mesh_bench)
     ->Args({2, 0})
     ->Args({2, 1})
     ->Unit(benchmark::kMillisecond);
+BENCHMARK(foreground_test_bench)->Unit(benchmark::kMillisecond);
 BENCHMARK(extract_texture_bench)->ArgName("size")->Arg(256)->Arg(512)->Unit(benchmark::kMillisecond);
 BENCHMARK(fuse_texture_bench)->Unit(benchmark::kMillisecond);
 BENCHMARK(complete_texture_bench)->Unit(benchmark::kMillisecond);

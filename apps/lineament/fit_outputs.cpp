@@ -81,6 +81,13 @@ TextureMap extract_face_texture(const MorphableModel& model, const TextureLayout
             options.vertex_trust[v] = static_cast<float>(1.0 - ears->second[v] * (1.0 - ear_trust));
         }
     }
+    options.vertex_skin = Eigen::VectorXf::Zero(mesh.vertices.cols());
+    for (const char* const name : {"face", "neck", "ears"}) {
+        const auto mask = model.masks.find(name);
+        if (mask != model.masks.end()) {
+            options.vertex_skin = options.vertex_skin.cwiseMax(mask->second);
+        }
+    }
     return extract_texture(layout, mesh.vertices, mesh.triangles, camera, picture, options);
 }
 

@@ -1,4 +1,5 @@
 set(headers
+    background.hpp
     checks.hpp
     color.hpp
     color_scale.hpp

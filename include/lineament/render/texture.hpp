@@ -3,12 +3,14 @@
 #pragma once
 
 #include "lineament/core/image.hpp"
+#include "lineament/render/background.hpp"
 #include "lineament/render/texture_layout.hpp"
 #include "lineament/render/visibility.hpp"
 
 #include <Eigen/Core>
 
 #include <cstdint>
+#include <optional>
 
 namespace lineament {
 
@@ -30,6 +32,10 @@ struct TextureOptions
     /// V, in [0, 1]: multiplies the weights, for parts of the mesh whose place the fit does not know well. Empty:
     /// all 1.
     Eigen::VectorXf vertex_trust = {};
+    /// V, in [0, 1]: above 0.5 where the surface is skin. Weights there are multiplied by max(0, 2 P - 1), P the
+    /// probability of `ForegroundTest` that the picture shows the face and not what lies beside its outline. Hair is to
+    /// be left out: it goes on beyond the outline. Empty: all 0.
+    Eigen::VectorXf vertex_skin = {};
 
     void check() const; ///< @throws InvalidArgument naming the member and the value.
 };
@@ -102,22 +108,11 @@ struct PictureWindow
 inline PictureWindow window_around(const Eigen::Matrix3Xf& vertices, const Camera& camera, int width, int height)
 {
     constexpr double longest_px = 1024.0;
-    Eigen::Vector2d low(width, height);
-    Eigen::Vector2d high = Eigen::Vector2d::Zero();
-    for (Eigen::Index v = 0; v < vertices.cols(); ++v) {
-        const Eigen::Vector3d point = camera.in_camera(vertices.col(v).cast<double>());
-        const double range = 1.0 + camera.phi_per_mm * point.z();
-        if (range > 0) {
-            const Eigen::Vector2d point_px =
-                camera.principal_point_px + (camera.scale_px_per_mm / range) * point.head<2>();
-            low = low.cwiseMin(point_px);
-            high = high.cwiseMax(point_px);
-        }
-    }
+    const Bounds bounds = bounds_in_picture(vertices, camera);
     PictureWindow window;
     constexpr double border_px = 2.0; // so that the outline lies inside
-    window.origin = (low.array() - border_px).max(0.0).floor();
-    const Eigen::Vector2d end = (high.array() + border_px).min(Eigen::Array2d(width, height));
+    window.origin = (bounds.low.array() - border_px).max(0.0).floor();
+    const Eigen::Vector2d end = (bounds.high.array() + border_px).min(Eigen::Array2d(width, height));
     const Eigen::Vector2d extent = end - window.origin;
     if (!(extent.minCoeff() > 0)) {
         return window; // nothing of the mesh lies in the picture
@@ -178,6 +173,8 @@ inline void TextureOptions::check() const
             to_text(outline_margin_mm));
     require(vertex_trust.size() == 0 || (vertex_trust.minCoeff() >= 0 && vertex_trust.maxCoeff() <= 1), function,
             "vertex_trust", "numbers in [0, 1]", "others");
+    require(vertex_skin.size() == 0 || (vertex_skin.minCoeff() >= 0 && vertex_skin.maxCoeff() <= 1), function,
+            "vertex_skin", "numbers in [0, 1]", "others");
 }
 
 inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matrix3Xf& vertices,
@@ -191,6 +188,9 @@ inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matr
     const Eigen::VectorXf& trust = options.vertex_trust;
     require(trust.size() == 0 || trust.size() == vertices.cols(), function, "options.vertex_trust",
             "empty, or " + std::to_string(vertices.cols()) + " numbers", std::to_string(trust.size()));
+    const Eigen::VectorXf& skin = options.vertex_skin;
+    require(skin.size() == 0 || skin.size() == vertices.cols(), function, "options.vertex_skin",
+            "empty, or " + std::to_string(vertices.cols()) + " numbers", std::to_string(skin.size()));
     require(picture.empty() || picture.channels == 1 || picture.channels == 3 || picture.channels == 4, function,
             "picture", "1, 3 or 4 channels", std::to_string(picture.channels));
 
@@ -239,6 +239,11 @@ inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matr
         options.outline_margin_mm > 0 ? std::max(options.outline_margin_mm / mm_per_px, interpolated_px) : 0.0;
     const Image<std::uint8_t> outline = detail::outline_mask(depth_test.depth(), mm_per_px, outline_margin_px);
 
+    std::optional<ForegroundTest> foreground;
+    if (skin.size() > 0) {
+        foreground.emplace(vertices, triangles, camera, picture);
+    }
+
     for (const Texel& texel : layout.texels()) {
         const int a = triangles(0, texel.triangle);
         const int b = triangles(1, texel.triangle);
@@ -270,11 +275,18 @@ inline TextureMap extract_texture(const TextureLayout& layout, const Eigen::Matr
             const float value = sample_bilinear(*source, static_cast<float>(point_px.x()),
                                                 static_cast<float>(point_px.y()), source->channels == 1 ? 0 : channel);
             map.color.data[3 * static_cast<std::size_t>(texel.index) + channel] =
-                static_cast<std::uint8_t>(std::lround(value));
+                static_cast<std::uint8_t>(value + 0.5f); // value >= 0
         }
         const double facing = -normal.dot(view_ray(camera, point).normalized());
         const double density = densities[texel.triangle] / (range * range);
-        const double trusted = trust.size() > 0 ? weight_a * trust[a] + weight_b * trust[b] + weight_c * trust[c] : 1.0;
+        const auto at_texel = [&](const Eigen::VectorXf& values, double otherwise) {
+            return values.size() > 0 ? weight_a * values[a] + weight_b * values[b] + weight_c * values[c] : otherwise;
+        };
+        double trusted = at_texel(trust, 1.0);
+        if (foreground && at_texel(skin, 0.0) > 0.5) {
+            const double probability = (*foreground)(picture_point_px);
+            trusted *= std::max(0.0, 2.0 * probability - 1.0);
+        }
         map.weight.data[texel.index] =
             is_near_outline ? 0.0f : static_cast<float>(trusted * facing * std::min(1.0, density));
     }
