@@ -12,8 +12,16 @@
 #include <atomic>
 #include <cstdlib>
 
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define LINEAMENT_IS_SANITIZED
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define LINEAMENT_IS_SANITIZED
+#endif
+#endif
+
 // Counts what every part of the process allocates, XNNPACK included; the sanitizers bring their own malloc.
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__GLIBC__) && !defined(LINEAMENT_IS_SANITIZED)
 #define LINEAMENT_COUNTS_ALLOCATIONS
 namespace {
 std::atomic<long> num_allocations = 0;

@@ -89,7 +89,7 @@ TEST(ParseNetwork, DamagedBytesAreReadOrRefusedWithoutHarm)
             for (int k = 0; k < 40; ++k) { // the graph stands behind the constants
                 const double place = k % 2 == 0 ? 1.0 - 0.25 * random.uniform() : random.uniform();
                 damaged[static_cast<std::size_t>(place * static_cast<double>(bytes.size() - 1))] =
-                    static_cast<char>(256.0 * random.uniform());
+                    static_cast<char>(random.index(256));
             }
             try {
                 (void)parse_network(damaged, "damaged");
