@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "count_allocations.hpp"
 
+#include "support/sanitizers.hpp"
+
 #include <atomic>
 #include <cstdlib>
 #include <new>
@@ -11,6 +13,11 @@ namespace {
 std::atomic<long> count = 0;
 }
 namespace lineament::test {
+#ifdef LINEAMENT_IS_SANITIZED
+const bool counts_allocations = false;
+#else
+const bool counts_allocations = true;
+#endif
 long num_allocations()
 {
     return count;
@@ -23,6 +30,7 @@ extern "C" void* __wrap_malloc(std::size_t size)
     ++count;
     return __real_malloc(size);
 }
+#ifndef LINEAMENT_IS_SANITIZED
 void* operator new(std::size_t size)
 {
     ++count;
@@ -56,3 +64,4 @@ void operator delete(void* memory, std::size_t, std::align_val_t) noexcept
 {
     std::free(memory);
 }
+#endif

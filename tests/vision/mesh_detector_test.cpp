@@ -5,22 +5,15 @@
 #include "lineament/core/error.hpp"
 #include "lineament/vision/video.hpp"
 #include "support/matchers.hpp"
+#include "support/sanitizers.hpp"
 
 #include <algorithm>
-#include <cmath>
-
 #include <atomic>
+#include <cmath>
 #include <cstdlib>
+#include <thread>
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define LINEAMENT_IS_SANITIZED
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define LINEAMENT_IS_SANITIZED
-#endif
-#endif
-
-// Counts what every part of the process allocates, XNNPACK included; the sanitizers bring their own malloc.
+// Counts what every part of the process allocates, XNNPACK included.
 #if defined(__GLIBC__) && !defined(LINEAMENT_IS_SANITIZED)
 #define LINEAMENT_COUNTS_ALLOCATIONS
 namespace {
@@ -119,6 +112,31 @@ TEST(MeshDetector, FollowingWhereThereIsNoFaceIsLost)
     const Eigen::Matrix3Xf before = face.points;
     EXPECT_FALSE(detector().follow_in_place(ImageU8(300, 300, 3, 90), face));
     EXPECT_EQ(face.points, before);
+}
+
+TEST(MeshDetector, OneDetectorPerThreadFindsTheSameFaces)
+{
+    LINEAMENT_REQUIRE_REAL_DATA(clip);
+    const ImageU8 picture = real_picture();
+    const std::vector<MeshFace> alone = detector().detect(picture);
+    ASSERT_EQ(alone.size(), 1U);
+    std::vector<std::vector<MeshFace>> found(2);
+    std::vector<std::thread> threads;
+    for (std::vector<MeshFace>& faces : found) {
+        threads.emplace_back([&] {
+            MeshDetector own;
+            for (int repeat = 0; repeat < 3; ++repeat) {
+                faces = own.detect(picture);
+            }
+        });
+    }
+    for (std::thread& thread : threads) {
+        thread.join();
+    }
+    for (const std::vector<MeshFace>& faces : found) {
+        ASSERT_EQ(faces.size(), 1U);
+        EXPECT_EQ(faces[0].points, alone[0].points);
+    }
 }
 
 TEST(MeshDetector, MirroredPictureGivesMirroredPoints)
