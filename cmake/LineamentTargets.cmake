@@ -77,6 +77,9 @@ function(lineament_test module)
     add_executable(${module}_tests ${test_SOURCES})
     target_link_libraries(${module}_tests PRIVATE ${test_LIBRARIES} lineament_test_support GTest::gmock GTest::gtest_main)
     lineament_private_flags(${module}_tests)
+    # Half the time to compile for large tests; what they test is optimised as ever.
+    target_compile_options(${module}_tests PRIVATE
+                           "$<$<AND:$<CXX_COMPILER_ID:Clang>,$<CONFIG:Release>>:-O1;-finline-hint-functions>")
     lineament_precompiled_as_tests(${module}_tests)
     gtest_discover_tests(${module}_tests TEST_PREFIX "${module}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endfunction()

@@ -74,7 +74,7 @@ fs::path landmark_file_of(const fs::path& picture, const std::string& landmarks)
     }
     std::string tried;
     for (const char* extension : {".pts", ".json", ".csv"}) {
-        const fs::path candidate = fs::path(landmarks) / (picture.stem().string() + extension);
+        fs::path candidate = fs::path(landmarks) / (picture.stem().string() + extension);
         if (fs::exists(candidate, ignored)) {
             return candidate;
         }

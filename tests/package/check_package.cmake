@@ -18,6 +18,13 @@ if(way STREQUAL plain)
     run(${work_dir}/plain)
     return()
 endif()
+if(way STREQUAL solvers)
+    run(${project_compiler} -std=c++20 -Wall -Wextra -Werror -O0 -I ${source_dir}/include -I ${source_dir}/tests
+        -isystem ${eigen} ${here}/plain/fit.cpp ${source_dir}/tests/support/planted_face.cpp
+        ${source_dir}/tests/support/synthetic_face.cpp -o ${work_dir}/fit)
+    run(${work_dir}/fit)
+    return()
+endif()
 if(way STREQUAL emscripten)
     file(GLOB headers RELATIVE ${source_dir}/include ${source_dir}/include/lineament/core/*.hpp
          ${source_dir}/include/lineament/model/*.hpp ${source_dir}/include/lineament/camera/*.hpp

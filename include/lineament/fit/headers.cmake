@@ -20,10 +20,12 @@ set(headers
     robust_loss.hpp
 )
 set(definitions
+    affine_camera_impl.hpp
     bounded_least_squares_impl.hpp
     contour_impl.hpp
     contour_support_impl.hpp
     depth_buffer_impl.hpp
+    expression_impl.hpp
     face_fitter_impl.hpp
     frame_fit_impl.hpp
     identity_filter_impl.hpp

@@ -8,6 +8,7 @@
 #include "lineament/fit/frame_fit_impl.hpp"
 #include "lineament/fit/joint_image_impl.hpp"
 #include "lineament/fit/joint_solver_impl.hpp"
+#include "lineament/fit/pose_support_impl.hpp"
 
 #include <cmath>
 #include <numeric>

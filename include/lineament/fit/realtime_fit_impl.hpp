@@ -6,6 +6,7 @@
 #define LINEAMENT_FIT_REALTIME_FIT_IMPL_HPP
 
 #include "lineament/fit/frame_fit_impl.hpp"
+#include "lineament/fit/pose_support_impl.hpp"
 
 #include <algorithm>
 #include <cmath>
