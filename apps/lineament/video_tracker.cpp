@@ -9,6 +9,7 @@
 #include "lineament/core/version.hpp"
 #include "lineament/fit/fitted_shape.hpp"
 #include "lineament/fit/frame_selection.hpp"
+#include "lineament/fit/gaze.hpp"
 #include "lineament/io/file.hpp"
 #include "lineament/io/glb_file.hpp"
 #include "lineament/io/image_file.hpp"
@@ -66,6 +67,15 @@ TrackRow make_row(std::size_t index, double time_s, const std::optional<FitResul
         row.chi_square = fit->chi_square;
         row.quality = confidence;
         row.expression_coefficients = fit->expression_coefficients;
+        const Gaze gaze = measure_gaze(*fit);
+        if (gaze.right && gaze.left) {
+            row.gaze_yaw = 0.5 * (gaze.right->yaw + gaze.left->yaw);
+            row.gaze_pitch = 0.5 * (gaze.right->pitch + gaze.left->pitch);
+        } else if (gaze.right || gaze.left) {
+            const EyeGaze& eye = gaze.right ? *gaze.right : *gaze.left;
+            row.gaze_yaw = eye.yaw;
+            row.gaze_pitch = eye.pitch;
+        }
     }
     return row;
 }

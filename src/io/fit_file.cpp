@@ -7,6 +7,7 @@
 
 #include "lineament/camera/angles.hpp"
 #include "lineament/core/checks.hpp"
+#include "lineament/fit/gaze.hpp"
 #include "lineament/io/file.hpp"
 
 #include <cmath>
@@ -66,6 +67,20 @@ Json json_landmarks(const std::vector<FittedLandmark>& landmarks)
     return items;
 }
 
+// Empty without the points of an iris.
+Json json_gaze(const Gaze& gaze)
+{
+    Json json = Json::object();
+    for (const auto& [name, eye] : {std::pair("right", gaze.right), std::pair("left", gaze.left)}) {
+        if (eye) {
+            json[name] = {{"offset_mm", json_numbers(eye->offset_mm)},
+                          {"yaw_deg", degrees(eye->yaw)},
+                          {"pitch_deg", degrees(eye->pitch)}};
+        }
+    }
+    return json;
+}
+
 Json json_face(const FitFileFace& face)
 {
     const FitResult& fit = face.fit;
@@ -86,6 +101,9 @@ Json json_face(const FitFileFace& face)
     json["expression"] = {
         {"set", fit.expression_set}, {"values", std::move(values)}, {"unobservable", Json(face.unobservable)}};
     json["landmarks"] = json_landmarks(fit.landmarks);
+    if (Json gaze = json_gaze(measure_gaze(fit)); !gaze.empty()) {
+        json["gaze"] = std::move(gaze);
+    }
     json["rms_px"] = fit.rms_px;
     json["chi_square"] = fit.chi_square;
     json["dof"] = fit.degrees_of_freedom;

@@ -67,7 +67,7 @@ std::string format_frames_header(const std::vector<std::string>& expression_name
         line += ',';
         line += format_csv_text(name);
     }
-    line += '\n';
+    line += ",gaze_yaw_deg,gaze_pitch_deg\n";
     return line;
 }
 
@@ -102,6 +102,8 @@ std::string format_frames_row(const TrackRow& row, int num_expressions)
         append_cell(line, row.expression_coefficients.size() > 0 ? std::optional<double>(row.expression_coefficients[i])
                                                                  : std::nullopt);
     }
+    append_cell(line, row.gaze_yaw ? std::optional(degrees(*row.gaze_yaw)) : std::nullopt);
+    append_cell(line, row.gaze_pitch ? std::optional(degrees(*row.gaze_pitch)) : std::nullopt);
     line += '\n';
     return line;
 }

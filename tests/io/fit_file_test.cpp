@@ -5,6 +5,7 @@
 #include "lineament/camera/angles.hpp"
 #include "lineament/core/error.hpp"
 #include "lineament/core/random.hpp"
+#include "lineament/fit/gaze.hpp"
 
 #include "support/matchers.hpp"
 #include "support/synthetic_face.hpp"
@@ -88,6 +89,24 @@ TEST(FitFile, ComesBackBitForBit)
         EXPECT_EQ(back.faces[i].unobservable, file.faces[i].unobservable);
     }
     EXPECT_EQ(format_fit_json(back), format_fit_json(file));
+}
+
+TEST(FitFile, HasAGazeWhereIrisesWereSeen)
+{
+    FitFile file = make_file();
+    EXPECT_FALSE(json::parse(format_fit_json(file))["faces"][0].contains("gaze"));
+    FitResult& fit = file.faces[0].fit;
+    fit.camera = Camera{};
+    fit.camera.camera_from_model = frontal_rotation();
+    fit.landmarks = {{"33", {30, 50}, {30, 50}, 1.0}, {"133", {60, 50}, {60, 50}, 1.0}};
+    // Half the pupil's distance to the right in the picture: the subject's left, sin(yaw) = 1/2.
+    fit.landmarks.push_back({"468", {45 + 0.5 * pupil_distance_mm, 50}, {45, 50}, 0.0});
+    const json gaze = json::parse(format_fit_json(file))["faces"][0]["gaze"];
+    EXPECT_NEAR(gaze["right"]["yaw_deg"].get<double>(), 30.0, 1e-9);
+    EXPECT_NEAR(gaze["right"]["pitch_deg"].get<double>(), 0.0, 1e-9);
+    EXPECT_NEAR(gaze["right"]["offset_mm"][0].get<double>(), 0.5 * pupil_distance_mm, 1e-9);
+    EXPECT_FALSE(gaze.contains("left"));
+    EXPECT_EQ(parse_fit_json(format_fit_json(file), "fit.json").faces.size(), file.faces.size());
 }
 
 TEST(FitFile, HasTheDocumentedMembers)

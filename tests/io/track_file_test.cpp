@@ -28,6 +28,8 @@ TEST(TrackFile, FramesHaveTheDocumentedColumns)
     row.rms_px = 1.25;
     row.chi_square = 100.5;
     row.quality = 0.75;
+    row.gaze_yaw = radians(-11.25);
+    row.gaze_pitch = 0.0;
     row.expression_coefficients = Eigen::Vector2d(0.5, 0.0);
     TrackRow lost;
     lost.frame = 4;
@@ -35,9 +37,9 @@ TEST(TrackFile, FramesHaveTheDocumentedColumns)
     lost.status = "lost";
     EXPECT_EQ(format_frames_csv({row, lost}, {"jawOpen", "=x"}),
               "frame,time_s,face,status,yaw_deg,pitch_deg,roll_deg,x_mm,y_mm,z_mm,scale_px_per_mm,rms_px,chi_square,"
-              "quality,jawOpen,'=x\n"
-              "3,0.1,1,success,0,0,0,1.5,-2,500,4,1.25,100.5,0.75,0.5,0\n"
-              "4,0.14,,lost,,,,,,,,,,,,\n");
+              "quality,jawOpen,'=x,gaze_yaw_deg,gaze_pitch_deg\n"
+              "3,0.1,1,success,0,0,0,1.5,-2,500,4,1.25,100.5,0.75,0.5,0,-11.25,0\n"
+              "4,0.14,,lost,,,,,,,,,,,,,,\n");
 }
 
 TEST(TrackFile, UnknownAndNotFiniteNumbersAreEmptyCells)
@@ -48,7 +50,7 @@ TEST(TrackFile, UnknownAndNotFiniteNumbersAreEmptyCells)
     row.rms_px = std::nan("");
     row.chi_square = INFINITY;
     const std::string line = format_frames_row(row, 0);
-    EXPECT_THAT(line, testing::EndsWith(",0,0,,1,,,\n")) << line;
+    EXPECT_THAT(line, testing::EndsWith(",0,0,,1,,,,,\n")) << line;
     row.expression_coefficients = Eigen::Vector2d(0.5, 0.0);
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)format_frames_row(row, 3); }, "expression_coefficients"));
 }

@@ -7,6 +7,7 @@ set(headers
     fit_result.hpp
     fitted_shape.hpp
     frame_selection.hpp
+    gaze.hpp
     identity.hpp
     identity_filter.hpp
     inline.hpp

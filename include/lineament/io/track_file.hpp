@@ -23,12 +23,15 @@ struct TrackRow
     std::optional<Camera> camera = std::nullopt;
     std::optional<double> rms_px = std::nullopt;
     std::optional<double> chi_square = std::nullopt;
-    std::optional<double> quality = std::nullopt; ///< [0, 1].
-    Eigen::VectorXd expression_coefficients = {}; ///< k, or empty.
+    std::optional<double> quality = std::nullopt;    ///< [0, 1].
+    std::optional<double> gaze_yaw = std::nullopt;   ///< Mean of the eyes seen, as EyeGaze [radians].
+    std::optional<double> gaze_pitch = std::nullopt; ///< Likewise.
+    Eigen::VectorXd expression_coefficients = {};    ///< k, or empty.
 };
 
 /// The first line of `frames.csv`: frame, time_s, face, status, yaw_deg, pitch_deg, roll_deg, x_mm, y_mm, z_mm,
-/// scale_px_per_mm, rms_px, chi_square, quality and the expression names. docs/formats.md, "frames.csv, track.json"
+/// scale_px_per_mm, rms_px, chi_square, quality, the expression names, gaze_yaw_deg and gaze_pitch_deg.
+/// docs/formats.md, "frames.csv, track.json"
 [[nodiscard]] std::string format_frames_header(const std::vector<std::string>& expression_names);
 
 /// The line of one row; numbers are the shortest that read back to the same double, those not finite give empty cells.
