@@ -15,7 +15,6 @@
 #include "lineament/io/model_file.hpp"
 #include "lineament/render/color_scale.hpp"
 #include "lineament/render/contact_sheet.hpp"
-#include "lineament/render/draw.hpp"
 #include "lineament/render/shading.hpp"
 
 #include <cstdio>
@@ -246,12 +245,7 @@ void draw_uncertainty(const PlantedFaces& faces, const std::filesystem::path& fo
     options.tile_width_px = options.tile_height_px = tile_px;
     options.gap_px = 6;
     options.text_scale = 1;
-    const ImageU8 sheet = contact_sheet(tiles, 5, options);
-    const ImageU8 bar = draw_color_bar(largest_mm, "mm", sheet.width);
-    ImageU8 picture(sheet.width, sheet.height + bar.height, 3, 255);
-    paste(picture, sheet, 0, 0);
-    paste(picture, bar, 0, sheet.height);
-    save_png(folder / "fit-uncertainty.png", picture);
+    save_png(folder / "fit-uncertainty.png", add_color_bar(contact_sheet(tiles, 5, options), largest_mm, "mm"));
 }
 
 } // namespace

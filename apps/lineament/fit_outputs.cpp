@@ -142,11 +142,7 @@ ImageU8 write_uncertainty(const fs::path& folder, const MorphableModel& model, c
     }
     ContactSheetOptions options;
     options.tile_width_px = options.tile_height_px = tile_px;
-    const ImageU8 sheet = contact_sheet(tiles, 2, options);
-    const ImageU8 bar = draw_color_bar(largest_deviation_mm, "mm", sheet.width);
-    ImageU8 picture(sheet.width, sheet.height + bar.height, 3, 255);
-    paste(picture, sheet, 0, 0);
-    paste(picture, bar, 0, sheet.height);
+    const ImageU8 picture = add_color_bar(contact_sheet(tiles, 2, options), largest_deviation_mm, "mm");
     save_png((folder / "uncertainty.png").string(), picture);
     scene.mesh.colors = scale_colors(vertex_deviations_mm, largest_deviation_mm);
     save_glb((folder / "uncertainty.glb").string(), scene);

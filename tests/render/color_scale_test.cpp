@@ -64,6 +64,18 @@ TEST(ColorScale, BarRunsFromEndToEnd)
     EXPECT_TRUE(throws<InvalidArgument>([] { (void)draw_color_bar(8, "mm", 3); }, "width"));
 }
 
+TEST(ColorBar, StandsBelowAPicture)
+{
+    const ImageU8 bar = draw_color_bar(8, "mm", 400);
+    const ImageU8 both = add_color_bar(ImageU8(400, 30, 3, 77), 8, "mm");
+    ASSERT_EQ(both.height, 30 + bar.height);
+    EXPECT_EQ(both.at(399, 29, 2), 77);
+    for (int row = 0; row < bar.height; ++row) {
+        EXPECT_TRUE(std::equal(bar.pixel(0, row), bar.pixel(0, row) + 3 * 400, both.pixel(0, 30 + row))) << row;
+    }
+    EXPECT_TRUE(throws<InvalidArgument>([] { (void)add_color_bar(ImageU8(400, 30, 1), 8, "mm"); }, "channels"));
+}
+
 TEST(ColorScale, RenderedValuesKeepTheirHueUnderTheShading)
 {
     const MorphableModel model = test::make_synthetic_face();

@@ -32,6 +32,10 @@ namespace lineament {
 /// @throws InvalidArgument unless `largest` is finite and > 0 and the width at least 16.
 [[nodiscard]] ImageU8 draw_color_bar(double largest, const std::string& unit, int width);
 
+/// An RGB picture with `draw_color_bar` of its width below it.
+/// @throws InvalidArgument as draw_color_bar, or on a picture that is not RGB.
+[[nodiscard]] ImageU8 add_color_bar(const ImageU8& picture, double largest, const std::string& unit);
+
 /// A picture of the mesh over white with a number for each vertex as colour, shaded a little so that the form is seen.
 /// @throws InvalidArgument as render_mesh and scale_colors, or unless there is one value a vertex.
 [[nodiscard]] ImageU8 render_values(Mesh mesh, const Eigen::VectorXf& values, double largest, const Camera& camera,
@@ -83,6 +87,16 @@ inline ImageU8 draw_color_bar(double largest, const std::string& unit, int width
         draw_text(image, begin, 27, tick == 4 ? text + (" " + unit) : text, ink);
     }
     return image;
+}
+
+inline ImageU8 add_color_bar(const ImageU8& picture, double largest, const std::string& unit)
+{
+    require_size(picture.channels, 3, "add_color_bar", "picture.channels");
+    const ImageU8 bar = draw_color_bar(largest, unit, picture.width);
+    ImageU8 both(picture.width, picture.height + bar.height, 3);
+    std::copy(picture.data.begin(), picture.data.end(), both.data.begin());
+    std::copy(bar.data.begin(), bar.data.end(), both.data.begin() + static_cast<std::ptrdiff_t>(picture.data.size()));
+    return both;
 }
 
 inline ImageU8 render_values(Mesh mesh, const Eigen::VectorXf& values, double largest, const Camera& camera, int width,
