@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "lineament/core/checks.hpp"
 #include "lineament/core/image.hpp"
 #include "lineament/render/rasterizer.hpp"
 
@@ -258,7 +259,6 @@ inline ForegroundTest::ForegroundTest(const Eigen::Matrix3Xf& vertices, const Ei
     constexpr double finest_cell_mm = 2.0;
     constexpr double border_mm = 25.0;
     const detail::Bounds bounds = detail::bounds_in_picture(vertices, camera);
-    cell_px_ = std::max(1.0, finest_cell_mm * camera.scale_px_per_mm);
     const double border_px = border_mm * camera.scale_px_per_mm;
     const Eigen::Vector2d low = (bounds.low.array() - border_px).max(-border_px);
     const Eigen::Vector2d high =
@@ -267,6 +267,8 @@ inline ForegroundTest::ForegroundTest(const Eigen::Matrix3Xf& vertices, const Ei
         return;
     }
     origin_px_ = low;
+    constexpr double most_cells = 512.0; // a side: reached only by a mesh that the camera nearly touches
+    cell_px_ = std::max({1.0, finest_cell_mm * camera.scale_px_per_mm, (high - low).maxCoeff() / most_cells});
     const int width = static_cast<int>(std::ceil((high.x() - low.x()) / cell_px_));
     const int height = static_cast<int>(std::ceil((high.y() - low.y()) / cell_px_));
     Camera grid_camera = camera;
