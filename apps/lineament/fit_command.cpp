@@ -351,8 +351,7 @@ int run(const Options& options)
 void add_fit_command(CLI::App& program, Action& action)
 {
     auto options = std::make_shared<Options>();
-    CLI::App* command =
-        program.add_subcommand("fit", "The 3D face in each photo: mesh, texture, pose, numbers, report.");
+    CLI::App* command = add_command(program, "fit", "The 3D face in each photo: mesh, texture, pose, numbers, report.");
     command->add_option("inputs", options->inputs, "Pictures (PNG, JPEG), folders of pictures, or quoted patterns.")
         ->required();
     command->add_option("-o,--output", options->output, "Folder for the results; each input gets a folder in it.")

@@ -7,6 +7,11 @@
 
 #include <CLI/CLI.hpp>
 
+CLI::App* lineament::cli::add_command(CLI::App& parent, const std::string& name, const std::string& description)
+{
+    return parent.add_subcommand(name, description);
+}
+
 int main(int argc, char** argv)
 {
     using namespace lineament::cli;

@@ -131,10 +131,10 @@ int run_sample(const std::string& file, const std::string& output, const SheetOp
 
 void add_model_command(CLI::App& program, Action& action)
 {
-    CLI::App* model = program.add_subcommand("model", "Work on morphable models.");
+    CLI::App* model = add_command(program, "model", "Work on morphable models.");
     model->require_subcommand(1);
 
-    CLI::App* info = model->add_subcommand("info", "What a model file holds, its licence and provenance.");
+    CLI::App* info = add_command(*model, "info", "What a model file holds, its licence and provenance.");
     auto info_file = std::make_shared<std::string>();
     auto as_json = std::make_shared<bool>(false);
     info->add_option("file", *info_file, "Model file; default: the free model that comes along.");
@@ -143,7 +143,7 @@ void add_model_command(CLI::App& program, Action& action)
         [&action, info_file, as_json] { action = [info_file, as_json] { return run_info(*info_file, *as_json); }; });
 
     CLI::App* sample =
-        model->add_subcommand("sample", "A picture of faces of the model: random ones, modes, expressions.");
+        add_command(*model, "sample", "A picture of faces of the model: random ones, modes, expressions.");
     auto sample_file = std::make_shared<std::string>();
     auto output = std::make_shared<std::string>("faces.png");
     auto options = std::make_shared<SheetOptions>();

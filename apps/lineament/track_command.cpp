@@ -79,8 +79,8 @@ int run(const Options& options)
 void add_track_command(CLI::App& program, Action& action)
 {
     auto options = std::make_shared<Options>();
-    CLI::App* command = program.add_subcommand(
-        "track", "One person's face over each video: a row per frame, an animated mesh, a report.");
+    CLI::App* command = add_command(program, "track",
+                                    "One person's face over each video: a row per frame, an animated mesh, a report.");
     command->add_option("inputs", options->inputs, "Videos, folders of videos, or quoted patterns.")->required();
     command->add_option("-o,--output", options->output, "Folder for the results; each input gets a folder in it.")
         ->capture_default_str();
