@@ -84,9 +84,9 @@ function(lineament_test module)
     gtest_discover_tests(${module}_tests TEST_PREFIX "${module}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endfunction()
 
-# Target lineament_headers: every public header compiles alone. Eigen's core is precompiled, as it takes most of the time,
-# and so are not missed: <Eigen/Core> itself and what it includes. The solvers' definitions are left out if lineament::fit
-# is built (tests/package/plain compiles them, all at once).
+# Target lineament_headers compiles every public header alone. Eigen's core, most of the time, is precompiled: a missing
+# <Eigen/Core>, or a standard header that comes with it, is not noticed. Where lineament::fit is built, headers are seen
+# as it shows them, without the solvers' definitions; tests/package/plain/fit.cpp compiles those.
 function(lineament_check_headers)
     get_property(headers GLOBAL PROPERTY LINEAMENT_PUBLIC_HEADERS)
     get_property(targets GLOBAL PROPERTY LINEAMENT_HEADER_TARGETS)

@@ -67,14 +67,9 @@ TrackRow make_row(std::size_t index, double time_s, const std::optional<FitResul
         row.chi_square = fit->chi_square;
         row.quality = confidence;
         row.expression_coefficients = fit->expression_coefficients;
-        const Gaze gaze = measure_gaze(*fit);
-        if (gaze.right && gaze.left) {
-            row.gaze_yaw = 0.5 * (gaze.right->yaw + gaze.left->yaw);
-            row.gaze_pitch = 0.5 * (gaze.right->pitch + gaze.left->pitch);
-        } else if (gaze.right || gaze.left) {
-            const EyeGaze& eye = gaze.right ? *gaze.right : *gaze.left;
-            row.gaze_yaw = eye.yaw;
-            row.gaze_pitch = eye.pitch;
+        if (const std::optional<EyeGaze> gaze = measure_gaze(*fit).mean()) {
+            row.gaze_yaw = gaze->yaw;
+            row.gaze_pitch = gaze->pitch;
         }
     }
     return row;

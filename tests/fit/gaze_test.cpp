@@ -75,5 +75,19 @@ TEST(Gaze, FartherThanAnEyeCanTurnIsItsEdge)
     EXPECT_NEAR(gaze->yaw, radians(90), 1e-3);
 }
 
+TEST(Gaze, MeanIsOfTheEyesThatHaveOne)
+{
+    const EyeGaze right{{1, 2}, 0.1, 0.3};
+    const EyeGaze left{{3, -2}, 0.2, -0.1};
+    const std::optional<EyeGaze> both = Gaze{right, left}.mean();
+    ASSERT_TRUE(both.has_value());
+    EXPECT_EQ(both->offset_mm, Eigen::Vector2d(2, 0));
+    EXPECT_NEAR(both->yaw, 0.15, 1e-15);
+    EXPECT_NEAR(both->pitch, 0.1, 1e-15);
+    EXPECT_EQ(Gaze({right, std::nullopt}).mean()->yaw, 0.1);
+    EXPECT_EQ(Gaze({std::nullopt, left}).mean()->yaw, 0.2);
+    EXPECT_FALSE(Gaze().mean().has_value());
+}
+
 } // namespace
 } // namespace lineament

@@ -7,7 +7,7 @@
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
-#include "count_allocations.hpp"
+#include "support/count_allocations.hpp"
 #include "support/matchers.hpp"
 #include "support/synthetic_face.hpp"
 
@@ -421,9 +421,6 @@ TEST(RealtimeFitter, RefusesWhatFaceFitterRefuses)
 
 TEST(RealtimeFitter, AllocatesNothingOncePrepared)
 {
-    if (!test::counts_allocations) {
-        GTEST_SKIP() << "allocations are not counted in a program with a sanitizer";
-    }
     Random random(82);
     for (const char* set : {"ekman6", "arkit47"}) {
         for (const ContourMode mode : {ContourMode::fixed, ContourMode::front_facing, ContourMode::both}) {

@@ -95,6 +95,7 @@ TEST_F(WideDisc, BadOptionsAreNamed)
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)probability(blue, {.strip_mm = 1.0}); }, "strip_mm"));
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)probability(blue, {.prior_inside = -1.0}); }, "prior_inside"));
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)probability(blue, {.color_noise = 0.0}); }, "color_noise"));
+    EXPECT_TRUE(throws<InvalidArgument>([] { (void)foreground_probability({}, {}, {}, 0.0); }, "cell_mm"));
     in_picture = Image<std::uint8_t>(side, side - 1, 1, 1);
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)probability(blue); }, "in_picture.height"));
 }
@@ -142,6 +143,40 @@ TEST(ExtractTexture, BackgroundStaysOutOfAFitThatIsTooWide)
 TEST(ExtractTexture, AGoodFitLosesNothingToTheBackground)
 {
     EXPECT_GE(count_texels(1.0, 1.0F, 2.0).seen, 0.995 * count_texels(1.0, 0.0F, 2.0).seen);
+}
+
+TEST(ForegroundTest, TakesGreyAndTransparentPictures)
+{
+    const Mesh sphere = make_sphere(90); // in the picture it is one of 80
+    const Camera camera = centered_camera(200, 200, 1.0);
+    ImageU8 grey(200, 200, 1);
+    ImageU8 rgba(200, 200, 4, 255);
+    for (int row = 0; row < 200; ++row) {
+        for (int column = 0; column < 200; ++column) {
+            const std::uint8_t value = std::hypot(column - 99.5, row - 99.5) < 80 ? 190 : 30;
+            grey.at(column, row) = value;
+            std::fill_n(rgba.pixel(column, row), 3, value);
+        }
+    }
+    for (const ImageU8& picture : {grey, rgba}) {
+        const ForegroundTest test(sphere.vertices, sphere.triangles, camera, picture);
+        EXPECT_LT(test({100.0 + 85.0, 100.0}), 0.01F) << picture.channels;
+        EXPECT_GT(test({100.0 + 75.0, 100.0}), 0.99F) << picture.channels;
+    }
+}
+
+TEST(ForegroundTest, BadSkinIsNamed)
+{
+    const Mesh sphere = make_sphere(80);
+    const auto extract = [&](const Eigen::VectorXf& skin) {
+        TextureOptions options;
+        options.vertex_skin = skin;
+        (void)extract_texture(TextureLayout(sphere, 16), sphere.vertices, sphere.triangles,
+                              centered_camera(50, 50, 0.2), ImageU8(50, 50, 3), options);
+    };
+    EXPECT_TRUE(throws<InvalidArgument>([&] { extract(Eigen::VectorXf::Zero(3)); }, "vertex_skin"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { extract(Eigen::VectorXf::Constant(sphere.vertices.cols(), 2.0F)); },
+                                        "vertex_skin"));
 }
 
 TEST(ForegroundTest, OfAMeshBesideThePictureIsOneEverywhere)

@@ -4,34 +4,12 @@
 
 #include "lineament/core/error.hpp"
 #include "lineament/vision/video.hpp"
+#include "support/count_allocations.hpp"
 #include "support/matchers.hpp"
-#include "support/sanitizers.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <thread>
-
-// Counts what every part of the process allocates, XNNPACK included.
-#if defined(__GLIBC__) && !defined(LINEAMENT_IS_SANITIZED)
-#define LINEAMENT_COUNTS_ALLOCATIONS
-namespace {
-std::atomic<long> num_allocations = 0;
-}
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* __libc_memalign(std::size_t alignment, std::size_t size);
-extern "C" void* malloc(std::size_t size)
-{
-    ++num_allocations;
-    return __libc_malloc(size);
-}
-extern "C" void* aligned_alloc(std::size_t alignment, std::size_t size)
-{
-    ++num_allocations;
-    return __libc_memalign(alignment, size);
-}
-#endif
 
 namespace lineament {
 namespace {
@@ -197,7 +175,6 @@ TEST(MeshDetector, FollowsARealFaceWithThePointsOfDetection)
     }
 }
 
-#ifdef LINEAMENT_COUNTS_ALLOCATIONS
 TEST(MeshDetector, FollowingAllocatesNothingAfterTheFirstFrame)
 {
     LINEAMENT_REQUIRE_REAL_DATA(clip);
@@ -205,19 +182,18 @@ TEST(MeshDetector, FollowingAllocatesNothingAfterTheFirstFrame)
     std::vector<MeshFace> faces = detector().detect(picture, {.max_faces = 1});
     ASSERT_EQ(faces.size(), 1u);
     bool found = detector().follow_in_place(picture, faces[0]);
-    const long before = num_allocations;
+    const long before = test::num_allocations();
     for (int i = 0; i < 5; ++i) {
         found = found && detector().follow_in_place(picture, faces[0]);
     }
-    const long after = num_allocations;
+    const long after = test::num_allocations();
     EXPECT_TRUE(found);
     EXPECT_EQ(after - before, 0);
     // That the counter counts:
     const std::optional<MeshFace> copy = detector().follow(picture, faces[0].landmarks);
     EXPECT_TRUE(copy);
-    EXPECT_GT(num_allocations, after);
+    EXPECT_GT(test::num_allocations(), after);
 }
-#endif
 
 TEST(Ibug68FromMediapipe, NamesTheInnerPointsAndTheChin)
 {

@@ -26,6 +26,16 @@ struct Gaze
 {
     std::optional<EyeGaze> right = std::nullopt; ///< The subject's right eye, on the left of an unmirrored picture.
     std::optional<EyeGaze> left = std::nullopt;
+
+    /// The mean of the eyes that have a gaze.
+    [[nodiscard]] std::optional<EyeGaze> mean() const
+    {
+        if (!right || !left) {
+            return right ? right : left;
+        }
+        return EyeGaze{0.5 * (right->offset_mm + left->offset_mm), 0.5 * (right->yaw + left->yaw),
+                       0.5 * (right->pitch + left->pitch)};
+    }
 };
 
 /// From an eye's centre of rotation to its pupil [mm]; people differ by about a tenth. The centre lies about 13.5 mm
