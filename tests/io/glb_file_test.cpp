@@ -7,7 +7,9 @@
 #include "lineament/core/random.hpp"
 #include "lineament/io/file.hpp"
 
+#include "support/gltf_validator.hpp"
 #include "support/matchers.hpp"
+#include "support/parsed_glb.hpp"
 #include "support/synthetic_face.hpp"
 
 #include <Eigen/Dense>
@@ -15,15 +17,13 @@
 
 #include <array>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <set>
 
 namespace lineament {
 namespace {
 
 using nlohmann::json;
+using test::ParsedGlb;
 using test::throws;
 
 // A grey PNG picture of one pixel.
@@ -79,93 +79,6 @@ GlbScene make_animated_scene()
     }
     return scene;
 }
-
-// A GLB file taken apart by this test's own reading of the specification.
-class ParsedGlb
-{
-public:
-    explicit ParsedGlb(const std::string& bytes)
-    {
-        EXPECT_EQ(bytes.substr(0, 4), "glTF");
-        EXPECT_EQ(u32(bytes, 4), 2u);
-        EXPECT_EQ(u32(bytes, 8), bytes.size());
-        const std::size_t json_size = u32(bytes, 12);
-        EXPECT_EQ(bytes.substr(16, 4), "JSON");
-        EXPECT_EQ(json_size % 4, 0u);
-        gltf = json::parse(bytes.substr(20, json_size));
-        const std::size_t chunk = 20 + json_size;
-        EXPECT_EQ(bytes.substr(chunk + 4, 4), std::string("BIN\0", 4));
-        binary = bytes.substr(chunk + 8);
-        EXPECT_EQ(u32(bytes, chunk), binary.size());
-        EXPECT_EQ(gltf["buffers"][0]["byteLength"], binary.size());
-        EXPECT_EQ(binary.size() % 4, 0u);
-    }
-
-    // The values of an accessor, a column an element.
-    Eigen::MatrixXd accessor(const json& index) const
-    {
-        const json& a = gltf["accessors"].at(index.get<std::size_t>());
-        const std::string type = a["type"];
-        const int rows = type == "SCALAR" ? 1 : type.back() - '0';
-        Eigen::MatrixXd values = Eigen::MatrixXd::Zero(rows, a["count"].get<int>());
-        if (a.contains("bufferView")) {
-            values = view(a["bufferView"], a["componentType"], rows, a["count"]);
-        }
-        if (a.contains("sparse")) {
-            const json& sparse = a["sparse"];
-            const Eigen::MatrixXd at =
-                view(sparse["indices"]["bufferView"], sparse["indices"]["componentType"], 1, sparse["count"]);
-            const Eigen::MatrixXd changed = view(sparse["values"]["bufferView"], 5126, rows, sparse["count"]);
-            for (Eigen::Index i = 0; i < at.cols(); ++i) {
-                values.col(static_cast<Eigen::Index>(at(0, i))) = changed.col(i);
-            }
-        }
-        if (a.contains("min")) {
-            for (int row = 0; row < rows; ++row) {
-                EXPECT_EQ(a["min"][row].get<float>(), static_cast<float>(values.row(row).minCoeff()));
-                EXPECT_EQ(a["max"][row].get<float>(), static_cast<float>(values.row(row).maxCoeff()));
-            }
-        }
-        return values;
-    }
-
-    std::string view_bytes(const json& index) const
-    {
-        const json& v = gltf["bufferViews"].at(index.get<std::size_t>());
-        EXPECT_EQ(v["byteOffset"].get<std::size_t>() % 4, 0u);
-        EXPECT_LE(v["byteOffset"].get<std::size_t>() + v["byteLength"].get<std::size_t>(), binary.size());
-        return binary.substr(v["byteOffset"], v["byteLength"]);
-    }
-
-    json gltf = {};
-    std::string binary = {};
-
-private:
-    static std::uint32_t u32(const std::string& bytes, std::size_t at)
-    {
-        std::uint32_t value = 0;
-        std::memcpy(&value, bytes.data() + at, 4); // the machines that run this are little-endian
-        return value;
-    }
-
-    Eigen::MatrixXd view(const json& index, int component, int rows, int columns) const
-    {
-        const std::string bytes = view_bytes(index);
-        const std::size_t size = component == 5123 ? 2 : 4;
-        EXPECT_EQ(bytes.size(), size * static_cast<std::size_t>(rows * columns));
-        Eigen::MatrixXd values(rows, columns);
-        for (int i = 0; i < rows * columns; ++i) {
-            const char* at = bytes.data() + size * static_cast<std::size_t>(i);
-            std::uint16_t u16 = 0;
-            float f32 = 0;
-            std::memcpy(&u16, at, 2);
-            std::memcpy(&f32, at, size == 4 ? 4 : 0);
-            const double whole = size == 2 ? u16 : static_cast<double>(u32(bytes, 4 * static_cast<std::size_t>(i)));
-            values(i % rows, i / rows) = component == 5126 ? static_cast<double>(f32) : whole;
-        }
-        return values;
-    }
-};
 
 TEST(GlbFile, EachCornerKeepsItsPointAndItsUv)
 {
@@ -332,29 +245,16 @@ TEST(GlbFile, BrokenScenesAreRefused)
 }
 
 // What the validator prints for the bytes.
-std::string validate(const std::string& modules, const std::string& bytes)
+std::string validate(const std::string& bytes)
 {
-    test::TemporaryFolder folder;
+    const test::TemporaryFolder folder;
     write_file(folder / "scene.glb", bytes);
-    const std::string command = "node '" LINEAMENT_SOURCE_DIR "/tests/io/gltf_validate.js' '" + modules + "' '" +
-                                (folder / "scene.glb") + "' 2>&1";
-    FILE* pipe = popen(command.c_str(), "r");
-    std::string output;
-    for (int c = pipe == nullptr ? EOF : std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) {
-        output += static_cast<char>(c);
-    }
-    if (pipe != nullptr) {
-        pclose(pipe);
-    }
-    return output;
+    return test::validate_glb(folder / "scene.glb");
 }
 
 TEST(GlbFile, KhronosValidatorFindsNothing)
 {
-    const char* modules = std::getenv("LINEAMENT_GLTF_VALIDATOR");
-    if (modules == nullptr || std::system("node --version > /dev/null 2>&1") != 0) {
-        GTEST_SKIP() << "node or the package gltf-validator not found (set LINEAMENT_GLTF_VALIDATOR to node_modules)";
-    }
+    LINEAMENT_REQUIRE_GLTF_VALIDATOR();
     GlbScene posed = make_scene();
     posed.pose = camera_at(40.0, 3.0, 4.0, 0.002);
     posed.shading = GlbShading::lit;
@@ -370,11 +270,11 @@ TEST(GlbFile, KhronosValidatorFindsNothing)
         keyframe.weights.resize(0);
     }
     for (const GlbScene& scene : {make_scene(), make_animated_scene(), posed, plain, bare}) {
-        EXPECT_THAT(validate(modules, format_glb(scene)), testing::HasSubstr("errors 0 warnings 0\n"));
+        EXPECT_THAT(validate(format_glb(scene)), testing::HasSubstr("errors 0 warnings 0\n"));
     }
     std::string broken = format_glb(make_scene());
     broken.replace(broken.find("\"VEC2\""), 6, "\"VEC3\"");
-    EXPECT_THAT(validate(modules, broken), testing::Not(testing::HasSubstr("errors 0")));
+    EXPECT_THAT(validate(broken), testing::Not(testing::HasSubstr("errors 0")));
 }
 
 } // namespace

@@ -1,45 +1,21 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Opens the pages in Chromium ($LINEAMENT_CHROMIUM, or `chromium` on the path) and asks what their scripts made of
-// them.
+// Opens the pages in Chromium and asks what their scripts made of them.
 #include "report/report_fixtures.hpp"
-#include "support/matchers.hpp"
+#include "support/chromium.hpp"
 
-#include <cstdlib>
 #include <fstream>
-#include <memory>
-#include <sstream>
 
 namespace lineament {
 namespace {
-
-std::string find_chromium()
-{
-    if (const char* path = std::getenv("LINEAMENT_CHROMIUM")) {
-        return path;
-    }
-    return std::system("command -v chromium > /dev/null 2>&1") == 0 ? "chromium" : "";
-}
 
 // The page's document after its scripts have run.
 std::string document_of(const std::string& page, const std::string& more_options = "")
 {
     const test::TemporaryFolder folder;
     std::ofstream(folder / "page.html") << page;
-    const std::string command = find_chromium() +
-                                " --headless=new --no-sandbox --disable-gpu --disable-background-networking"
-                                " --no-first-run --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
-                                " --window-size=1200,1600 --virtual-time-budget=4000 --user-data-dir=" +
-                                (folder / "profile") + " " + more_options + " --dump-dom file://" +
-                                (folder / "page.html") + " > " + (folder / "document") + " 2> /dev/null";
-    if (std::system(command.c_str()) != 0) {
-        return "";
-    }
-    std::ifstream file(folder / "document");
-    std::ostringstream text;
-    text << file.rdbuf();
-    return text.str();
+    return test::document_of_page(folder, "page.html", more_options);
 }
 
 // The opening html tag, which carries data-error if a script failed.
@@ -47,11 +23,6 @@ std::string root_of(const std::string& document)
 {
     return test::text_between(document, "<html", ">");
 }
-
-#define LINEAMENT_REQUIRE_CHROMIUM()                                                                                   \
-    if (find_chromium().empty()) {                                                                                     \
-        GTEST_SKIP() << "chromium not found (set LINEAMENT_CHROMIUM)";                                                 \
-    }
 
 TEST(Browser, FitReportShowsItsFaceWithoutAnError)
 {
