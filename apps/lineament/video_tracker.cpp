@@ -314,6 +314,7 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
     file.method = options_.model.method;
     file.focal_px = options_.model.focal_px > 0.0 ? std::optional(options_.model.focal_px) : std::nullopt;
     file.principal_point_px = center_of(info);
+    file.landmark_scheme = landmarks_.scheme;
     file.expression_set = expressions != nullptr ? expressions->name : "";
     file.expression_names = expression_names;
     file.faces.push_back({1, identity, {}, status_counts});

@@ -105,9 +105,7 @@ TEST(CommandLine, FitWritesEveryPromisedFile)
     EXPECT_NEAR(fit["faces"][0]["pose"]["yaw_deg"].get<double>(), 12.0, 1.5);
     EXPECT_NEAR(fit["faces"][0]["pose"]["pitch_deg"].get<double>(), 4.0, 3.0);
     EXPECT_NEAR(fit["faces"][0]["pose"]["roll_deg"].get<double>(), -3.0, 1.0);
-    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder.path())) {
-        EXPECT_EQ(entry.path().string().find(".part"), std::string::npos) << entry.path();
-    }
+    test::expect_no_temporary_files(folder.path());
 }
 
 TEST(CommandLine, FitTakesTheResultFileOfMediapipe)

@@ -31,16 +31,25 @@ inline std::string read_all(const std::string& path)
 }
 
 /// Runs the program through the shell inside a folder.
-inline Outcome run(const TemporaryFolder& folder, const std::string& arguments)
+/// @param environment  Assignments before the command, "LINEAMENT_MODEL=x".
+inline Outcome run(const TemporaryFolder& folder, const std::string& arguments, const std::string& environment = "")
 {
-    const std::string command =
-        "cd '" + folder.path().string() + "' && '" LINEAMENT_PROGRAM "' " + arguments + " > stdout.txt 2> stderr.txt";
+    const std::string command = "cd '" + folder.path().string() + "' && " + environment + " '" LINEAMENT_PROGRAM "' " +
+                                arguments + " > stdout.txt 2> stderr.txt";
     const int status = std::system(command.c_str());
     Outcome outcome;
     outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     outcome.out = read_all(folder / "stdout.txt");
     outcome.error = read_all(folder / "stderr.txt");
     return outcome;
+}
+
+/// That no file below the folder has the name of an output that is not complete.
+inline void expect_no_temporary_files(const std::filesystem::path& folder)
+{
+    for (const std::filesystem::directory_entry& entry : std::filesystem::recursive_directory_iterator(folder)) {
+        EXPECT_EQ(entry.path().filename().string().rfind(".lineament-", 0), std::string::npos) << entry.path();
+    }
 }
 
 inline void save_text(const std::string& path, const std::string& text)

@@ -1,0 +1,207 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// `lineament track` on clips of a rendered person who turns the head, leaves the picture, and comes back.
+#include "apps/run_program.hpp"
+#include "apps/terminal.hpp"
+#include "apps/turning_clip.hpp"
+
+#include "lineament/vision/video_reader.hpp"
+#include "support/gltf_validator.hpp"
+#include "support/parsed_glb.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <charconv>
+#include <map>
+#include <sstream>
+
+namespace lineament {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using test::frame_rate;
+using test::num_frames;
+using test::Outcome;
+using test::planted_yaw_deg;
+using test::read_all;
+using test::run;
+using test::save_turning_clip;
+using test::shows_the_person;
+
+/// The rows of frames.csv by the names of its header; no cell of a track holds a comma.
+std::vector<std::map<std::string, std::string>> read_rows(const std::string& path)
+{
+    std::istringstream lines(read_all(path));
+    std::vector<std::string> names;
+    std::vector<std::map<std::string, std::string>> rows;
+    for (std::string line; std::getline(lines, line);) {
+        std::vector<std::string> cells(1);
+        for (const char c : line) {
+            c == ',' ? cells.emplace_back() : cells.back() += c;
+        }
+        if (names.empty()) {
+            names = cells;
+            continue;
+        }
+        EXPECT_EQ(cells.size(), names.size()) << line;
+        std::map<std::string, std::string>& row = rows.emplace_back();
+        for (std::size_t i = 0; i < std::min(cells.size(), names.size()); ++i) {
+            row[names[i]] = cells[i];
+        }
+    }
+    return rows;
+}
+
+double number(const std::string& text)
+{
+    double value = std::numeric_limits<double>::quiet_NaN();
+    std::from_chars(text.data(), text.data() + text.size(), value);
+    return value;
+}
+
+std::vector<double> frame_times(const std::string& path)
+{
+    VideoReader reader(path);
+    std::vector<double> times;
+    while (const std::optional<VideoFrame> frame = reader.next()) {
+        times.push_back(frame->time_s);
+    }
+    EXPECT_EQ(reader.problem(), std::nullopt) << path;
+    return times;
+}
+
+/// The times of the keyframes of every channel, which are the same.
+std::vector<double> animation_times(const test::ParsedGlb& glb)
+{
+    std::vector<double> times;
+    for (const json& sampler : glb.gltf["animations"][0]["samplers"]) {
+        const Eigen::MatrixXd input = glb.accessor(sampler["input"]);
+        const std::vector<double> now(input.data(), input.data() + input.size());
+        EXPECT_TRUE(times.empty() || times == now);
+        times = now;
+    }
+    return times;
+}
+
+/// What holds of the files of every track that ended by itself or was stopped: a row and a picture of the overlay for
+/// each of the clip's first frames, a keyframe for each row with a face. @return The rows.
+std::vector<std::map<std::string, std::string>> check_files(const fs::path& folder)
+{
+    const auto rows = read_rows(folder / "frames.csv");
+    const std::vector<double> overlay_times = frame_times(folder / "overlay.mp4");
+    EXPECT_EQ(overlay_times.size(), rows.size());
+    std::vector<double> times_with_face;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const int frame = static_cast<int>(i);
+        EXPECT_EQ(rows[i].at("frame"), std::to_string(frame));
+        const double time_s = number(rows[i].at("time_s"));
+        EXPECT_NEAR(time_s, frame / frame_rate, 1e-4) << "frame " << frame;
+        if (i < overlay_times.size()) {
+            EXPECT_NEAR(overlay_times[i], time_s, 1e-4) << "frame " << frame;
+        }
+        if (!shows_the_person(frame)) {
+            EXPECT_EQ(rows[i].at("status"), "no_face") << "frame " << frame;
+            EXPECT_EQ(rows[i].at("face"), "") << "frame " << frame;
+            EXPECT_EQ(rows[i].at("yaw_deg"), "") << "frame " << frame;
+            continue;
+        }
+        EXPECT_EQ(rows[i].at("status"), "success") << "frame " << frame;
+        EXPECT_EQ(rows[i].at("face"), "1") << "frame " << frame;
+        EXPECT_NEAR(number(rows[i].at("yaw_deg")), planted_yaw_deg(frame), 5.0) << "frame " << frame;
+        times_with_face.push_back(time_s);
+    }
+    const test::ParsedGlb glb(read_all(folder / "face.glb"));
+    EXPECT_THAT(animation_times(glb), testing::Pointwise(testing::DoubleNear(1e-5), times_with_face));
+    const json track = json::parse(read_all(folder / "track.json"));
+    EXPECT_EQ(track["video"]["frames"], rows.size());
+    EXPECT_EQ(read_all(folder / "report.html").rfind("<!DOCTYPE html>", 0), 0U);
+    test::expect_no_temporary_files(folder);
+    return rows;
+}
+
+TEST(Track, ATurningHeadThatLeavesAndComesBack)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4");
+    const Outcome outcome = run(folder, "track clip.mp4 -o out --texture-size 128");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.error;
+    EXPECT_EQ(outcome.out, "out/clip\n");
+    EXPECT_NE(outcome.error.find("clip.mp4: 30 frames, face in 23, "), std::string::npos) << outcome.error;
+    EXPECT_EQ(check_files(folder / "out/clip").size(), static_cast<std::size_t>(num_frames));
+
+    const json track = json::parse(read_all(folder / "out/clip/track.json"));
+    EXPECT_EQ(track["format"], "lineament-track");
+    ASSERT_EQ(track["faces"].size(), 1U) << "one person";
+    EXPECT_EQ(track["faces"][0]["status_counts"], (json{{"no_face", 7}, {"success", num_frames - 7}}));
+    EXPECT_NEAR(track["video"]["frame_rate"].get<double>(), frame_rate, 0.01);
+    EXPECT_EQ(track["landmark_scheme"], "mediapipe478");
+
+    // The mesh that moves is that one identity: mean + B alpha of the model, in metres.
+    const MorphableModel model = load_model(default_model_path());
+    const auto alpha = track["faces"][0]["shape_coefficients"].get<std::vector<double>>();
+    const Eigen::VectorXf shape =
+        model.shape.instance(Eigen::Map<const Eigen::VectorXd>(alpha.data(), static_cast<Eigen::Index>(alpha.size())));
+    const Eigen::Matrix3Xf vertices = Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, model.num_vertices());
+    const test::ParsedGlb glb(read_all(folder / "out/clip/face.glb"));
+    const Eigen::MatrixXd points = glb.accessor(glb.gltf["meshes"][0]["primitives"][0]["attributes"]["POSITION"]);
+    EXPECT_THAT(1000.0 * points.rowwise().minCoeff(), test::IsNear(vertices.rowwise().minCoeff(), 1e-3));
+    EXPECT_THAT(1000.0 * points.rowwise().maxCoeff(), test::IsNear(vertices.rowwise().maxCoeff(), 1e-3));
+    EXPECT_EQ(glb.gltf["meshes"][0]["extras"]["targetNames"], track["expression"]["names"]);
+    if (!test::gltf_validator_modules().empty()) {
+        EXPECT_THAT(test::validate_glb(folder / "out/clip/face.glb"), testing::HasSubstr("errors 0 warnings 0\n"));
+    }
+}
+
+TEST(Track, QuietSaysNothingButTheData)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4", 3);
+    const Outcome outcome = test::run_at_terminal(folder, "track clip.mp4 -o out --texture-size 64 --quiet");
+    EXPECT_EQ(outcome.exit_code, 0);
+    EXPECT_EQ(outcome.out, "out/clip\n");
+    EXPECT_EQ(outcome.error, "");
+}
+
+TEST(Track, AClipOfNothingIsNoAnswer)
+{
+    const test::TemporaryFolder folder;
+    VideoWriter writer(folder / "clip.mp4");
+    for (int i = 0; i < num_frames; ++i) {
+        writer.write(ImageU8(480, 360, 3, 246), i / frame_rate);
+    }
+    writer.finish();
+    const Outcome outcome = run(folder, "track clip.mp4 -o out");
+    EXPECT_EQ(outcome.exit_code, 6) << outcome.error;
+    EXPECT_NE(outcome.error.find("clip.mp4: no face found in any of 30 frames"), std::string::npos) << outcome.error;
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_FALSE(fs::exists(folder / "out"));
+}
+
+TEST(Track, StoppedWhileItWatchesItLeavesNoHalfFile)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4");
+    const Outcome outcome =
+        test::run_at_terminal(folder, "track clip.mp4 -o out --texture-size 128", {"watch [", "\x03"});
+    EXPECT_EQ(outcome.exit_code, 130) << outcome.error;
+    EXPECT_NE(outcome.error.find("interrupted"), std::string::npos) << outcome.error;
+    EXPECT_FALSE(fs::exists(folder / "out/clip/frames.csv")) << "before the identity is known there is nothing to say";
+    test::expect_no_temporary_files(folder.path());
+}
+
+TEST(Track, StoppedWhileItFitsItKeepsTheFramesUntilThen)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4");
+    const Outcome outcome = test::run_at_terminal(folder, "track clip.mp4 -o out", {"fit [", "\x03"});
+    EXPECT_EQ(outcome.exit_code, 130) << outcome.error;
+    EXPECT_NE(outcome.error.find("interrupted"), std::string::npos) << outcome.error;
+    const std::size_t num_rows = check_files(folder / "out/clip").size();
+    EXPECT_GE(num_rows, 1U);
+    EXPECT_LT(num_rows, static_cast<std::size_t>(num_frames));
+}
+
+} // namespace
+} // namespace lineament
