@@ -10,8 +10,14 @@ step "install what is missing" install_packages "${build_packages[@]}" "${test_p
 if command -v npm > /dev/null; then
     step "fetch the glTF validator" fetch_npm_package gltf-validator 2.0.0-dev.3.10 "$cache/npm/node_modules/gltf-validator"
     export LINEAMENT_GLTF_VALIDATOR=$cache/npm/node_modules
+    if command -v chromium > /dev/null; then
+        step "fetch three.js" fetch_npm_package three 0.180.0 "$cache/npm/node_modules/three"
+        export LINEAMENT_THREE=$cache/npm/node_modules/three
+    else
+        say "== no chromium here: the tests with a browser will be skipped by name"
+    fi
 else
-    say "== no npm here: the test with the glTF validator will be skipped by name"
+    say "== no npm here: the tests with the glTF validator and with three.js will be skipped by name"
 fi
 step "check the source tree" "$root/scripts/check-source.sh"
 step "configure" configure ci
