@@ -62,19 +62,20 @@ std::optional<ContentGuess> guess_content(std::span<const std::byte> bytes)
         const char* kind;
         const char* advice;
     };
+    constexpr const char* not_yet = "Lineament cannot read it yet";
     static constexpr Signature signatures[] = {
         {"version https://git-lfs.github.com/spec/"sv, "a git-LFS pointer", "run git lfs pull to get the file itself"},
         {"\x1f\x8b"sv, "a gzip archive", "unpack it first (gunzip)"},
-        {"PK\x03\x04"sv, "a zip archive (or a .npz file)", "unpack it first, or convert a .npz model"},
+        {"PK\x03\x04"sv, "a zip archive (or a .npz file)", "unpack it first; a .npz model Lineament cannot read yet"},
         {"BZh"sv, "a bzip2 archive", "unpack it first (bunzip2)"},
         {"\xfd"
          "7zXZ\0"sv,
          "an xz archive", "unpack it first (unxz)"},
         {"7z\xbc\xaf\x27\x1c"sv, "a 7-zip archive", "unpack it first"},
         {"\x28\xb5\x2f\xfd"sv, "a zstd archive", "unpack it first (unzstd)"},
-        {"MATLAB 5.0"sv, "a MATLAB file", "convert it with lineament model convert"},
-        {"MATLAB 7.3"sv, "a MATLAB 7.3 (HDF5) file", "convert it with lineament model convert"},
-        {"\x89HDF\r\n\x1a\n"sv, "an HDF5 file", "convert it with lineament model convert"},
+        {"MATLAB 5.0"sv, "a MATLAB file", not_yet},
+        {"MATLAB 7.3"sv, "a MATLAB 7.3 (HDF5) file", not_yet},
+        {"\x89HDF\r\n\x1a\n"sv, "an HDF5 file", not_yet},
         {"\x89PNG\r\n\x1a\n"sv, "a PNG image", ""},
         {"\xff\xd8\xff"sv, "a JPEG image", ""},
         {"GIF8"sv, "a GIF image", "convert it to PNG or JPEG"},
@@ -97,8 +98,7 @@ std::optional<ContentGuess> guess_content(std::span<const std::byte> bytes)
         return ContentGuess{"a web page (HTML), perhaps an error page", "download the file again"};
     }
     if (head.size() >= 2 && head[0] == '\x80' && head[1] >= 2 && head[1] <= 5) {
-        return ContentGuess{"a Python pickle",
-                            "pickles can run code and are never loaded; save its arrays as .npz and convert those"};
+        return ContentGuess{"a Python pickle", "pickles can run code and are never loaded"};
     }
     if (head.size() >= 12 && head.starts_with("RIFF") && head.substr(8, 4) == "WEBP") {
         return ContentGuess{"a WebP image", "convert it to PNG or JPEG"};
@@ -117,7 +117,7 @@ std::optional<ContentGuess> guess_content(std::span<const std::byte> bytes)
         return ContentGuess{"a safetensors file", ""};
     }
     if (is_cereal(head)) {
-        return ContentGuess{"an eos model (.bin, written by cereal)", "convert it with lineament model convert"};
+        return ContentGuess{"an eos model (.bin, written by cereal)", not_yet};
     }
     return std::nullopt;
 }

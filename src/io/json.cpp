@@ -23,8 +23,8 @@ std::string place_of(std::string_view text, std::size_t byte)
            std::to_string(before.size() - line_start + 1);
 }
 
-// Nesting and repeated keys are checked before the document is built, without recursion. Strings are skipped here; that
-// they are well formed is left to the parser proper.
+// Nesting is checked before the document is built, without recursion. Strings are skipped here; that they are well
+// formed is left to the parser proper.
 class StructureCheck
 {
 public:
@@ -58,6 +58,55 @@ private:
     std::string_view text_;
     const std::string& path_;
     std::size_t depth_ = 0;
+};
+
+// Follows the parser through a document: where it stands, and whether a key stands twice in one object.
+class ParserPlace
+{
+public:
+    /// @return False if the event is a key that its object has already.
+    bool follow(Json::parse_event_t event, const Json& parsed)
+    {
+        switch (event) {
+        case Json::parse_event_t::object_start:
+        case Json::parse_event_t::array_start:
+            levels_.push_back({event == Json::parse_event_t::array_start});
+            return true;
+        case Json::parse_event_t::object_end:
+        case Json::parse_event_t::array_end:
+            levels_.pop_back();
+            break;
+        case Json::parse_event_t::key:
+            levels_.back().key = parsed.get<std::string>();
+            return levels_.back().keys.insert(levels_.back().key).second;
+        case Json::parse_event_t::value:
+            break;
+        }
+        if (!levels_.empty()) {
+            ++levels_.back().index; // of an array: the element that comes next
+        }
+        return true;
+    }
+
+    /// JSON pointer of the value that comes next, or of the key just read.
+    [[nodiscard]] std::string pointer() const
+    {
+        Json::json_pointer pointer;
+        for (const Level& level : levels_) {
+            pointer.push_back(level.is_array ? std::to_string(level.index) : level.key);
+        }
+        return pointer.to_string();
+    }
+
+private:
+    struct Level
+    {
+        bool is_array = false;
+        std::size_t index = 0;
+        std::string key = {};
+        std::set<std::string> keys = {};
+    };
+    std::vector<Level> levels_;
 };
 
 bool is_flat(const Json& value)
@@ -96,14 +145,10 @@ Json parse_json(std::string_view bytes, const std::string& path)
 {
     const std::string_view text = checked_text(bytes, path, "JSON text");
     StructureCheck(text, path).run();
-    std::vector<std::set<std::string>> keys;
+    ParserPlace place;
     const auto callback = [&](int, Json::parse_event_t event, Json& parsed) {
-        if (event == Json::parse_event_t::object_start) {
-            keys.emplace_back();
-        } else if (event == Json::parse_event_t::object_end) {
-            keys.pop_back();
-        } else if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get<std::string>()).second) {
-            throw content_error(path, "",
+        if (!place.follow(event, parsed)) {
+            throw content_error(path, place.pointer(),
                                 "the key " + in_quotes(parsed.get<std::string>()) + " stands twice in one object");
         }
         return true;
@@ -115,7 +160,7 @@ Json parse_json(std::string_view bytes, const std::string& path)
         const std::string found = byte < text.size() ? in_quotes(text.substr(byte, 20)) : "the end of the file";
         throw content_error(path, place_of(text, byte), "not valid JSON: found " + found);
     } catch (const Json::exception& error) {
-        throw content_error(path, "", "not valid JSON: a number is too large");
+        throw content_error(path, place.pointer(), "not valid JSON: a number is too large");
     }
 }
 

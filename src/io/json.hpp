@@ -12,7 +12,8 @@ namespace lineament::detail {
 using Json = nlohmann::ordered_json;
 
 /// The JSON value in the text: one document, UTF-8, no repeated keys, nested at most 64 deep.
-/// @throws IoError (content) with line:column of the first fault.
+/// @throws IoError (content) with the place of the first fault: line:column, or the JSON pointer of a key that stands
+///   twice and of a number that is too large.
 [[nodiscard]] Json parse_json(std::string_view text, const std::string& path);
 
 /// The value as text: objects and arrays of objects indented, everything else on one line; numbers that are not finite

@@ -273,7 +273,7 @@ TEST(LandmarkFile, BrokenJsonIsRefusedWithItsPlace)
     expect_refused(head + image + R"("points":{"1":[5,"6"]}})", "/points/1/1", "a number");
     expect_refused(head + image + R"("points":{"1":[5,1e30]}})", "/points/1/1", "1e7");
     expect_refused(head + image + R"("points":{"1":[5,6,1.5]}})", "/points/1/2", "confidence");
-    expect_refused(head + image + R"("points":{"1":[5,6],"1":[5,6]}})", "", "stands twice");
+    expect_refused(head + image + R"("points":{"1":[5,6],"1":[5,6]}})", "/points/1:", "stands twice");
     expect_refused(head + image + R"("points":[]})", "/points", "an object");
     expect_refused(head + R"("points":{}})", "/image", "found none");
     expect_refused(head + R"("image":{"width":0,"height":9},"points":{}})", "/image/width", "integer");
@@ -281,7 +281,9 @@ TEST(LandmarkFile, BrokenJsonIsRefusedWithItsPlace)
     expect_refused(R"({"format":"other"})", "/format", "lineament-landmarks");
     expect_refused("{}", "/format", "lineament-landmarks");
     expect_refused("{\n \"a\": 1,\n}", "3:1", "found \"}\"");
-    expect_refused(R"({"a":1e400})", "", "");
+    expect_refused(R"({"a":1e400})", "/a:", "too large");
+    expect_refused(R"({"a":{"b":[{},[0]]},"c":[[1,{"d":2}],[3,1e400]]})", "/c/1/1:", "too large");
+    expect_refused(R"({"a":[{},[0],{"b":1,"c":{"b":1},"b":2}]})", "/a/2/b:", "stands twice");
     expect_refused(R"({"a":"\ud800"})", "1:", "not valid JSON");
     expect_refused("{} {}", "1:4", "not valid JSON");
     expect_refused("[" + std::string(100000, '['), "1:65", "64 levels");
