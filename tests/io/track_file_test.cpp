@@ -88,13 +88,19 @@ TEST(TrackFile, TrackJsonHoldsTheClipAndEachFace)
     const json root = json::parse(read_text_file(folder / "track.json"));
     EXPECT_EQ(root["format"], "lineament-track");
     EXPECT_EQ(root["version"], 1);
-    EXPECT_EQ(root["video"],
-              (json{{"width", 1280}, {"height", 720}, {"frames", 100}, {"duration_s", 3.96}, {"frame_rate", 25.0}}));
+    EXPECT_EQ(root["video"], (json{{"width", 1280},
+                                   {"height", 720},
+                                   {"frames", 100},
+                                   {"duration_s", 3.96},
+                                   {"frame_rate", 25.0},
+                                   {"complete", true}}));
     EXPECT_EQ(root["camera"]["focal_px"], 1500.0);
     EXPECT_EQ(root["expression"]["names"], json::array({"jawOpen"}));
     EXPECT_EQ(root["faces"][0]["shape_coefficients"], json::array({0.5, -1.0}));
     EXPECT_EQ(root["faces"][0]["shape_standard_deviations"], json::array({0.1, nullptr}));
     EXPECT_EQ(root["faces"][0]["status_counts"]["success"], 97);
+    file.is_complete = false;
+    EXPECT_EQ(json::parse(format_track_json(file))["video"]["complete"], false);
     file.focal_px.reset();
     EXPECT_TRUE(json::parse(format_track_json(file))["camera"]["focal_px"].is_null());
 

@@ -66,6 +66,7 @@ struct TrackFile
     int num_frames = 0;                    ///< Frames decoded.
     double duration_s = 0.0;               ///< From the first time stamp to the last [s].
     std::optional<double> frame_rate = {}; ///< Mean frames per second, if it is known.
+    bool is_complete = true;               ///< False: interrupted or broken off; later frames are not in it.
     std::string model = {};
     std::string method = {};
     std::optional<double> focal_px = std::nullopt; ///< Empty under scaled orthographic projection.
