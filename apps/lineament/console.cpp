@@ -22,10 +22,11 @@ volatile std::sig_atomic_t caught_signal = 0;
 
 void on_signal(int signal_number)
 {
-    if (caught_signal != 0) {
-        _exit(128 + signal_number);
+    const bool was_caught = caught_signal != 0;
+    caught_signal = signal_number == SIGHUP ? SIGTERM : signal_number;
+    if (was_caught) {
+        _exit(128 + caught_signal);
     }
-    caught_signal = signal_number;
 }
 
 void print_message(const char* kind, const char* color, const std::string& message)
@@ -172,7 +173,12 @@ void catch_signals()
     action.sa_handler = on_signal;
     sigaction(SIGINT, &action, nullptr);
     sigaction(SIGTERM, &action, nullptr);
+    struct sigaction of_hangup = {};
+    if (sigaction(SIGHUP, nullptr, &of_hangup) == 0 && of_hangup.sa_handler != SIG_IGN) {
+        sigaction(SIGHUP, &action, nullptr);
+    }
     std::signal(SIGPIPE, SIG_IGN);
+    std::signal(SIGXFSZ, SIG_IGN);
 }
 
 int signal_exit_code()

@@ -70,7 +70,8 @@ private:
     double last_shown_s_ = -1.0;
 };
 
-/// From now on SIGINT and SIGTERM only set a flag (a second one ends the program at once).
+/// From now on SIGINT, SIGTERM and SIGHUP, which counts as SIGTERM unless it was ignored (nohup), only set a flag (a
+/// second one ends the program at once); a broken pipe and a file larger than allowed are errors of the write.
 void catch_signals();
 /// 0, or interrupted_by_user / terminated after such a signal.
 [[nodiscard]] int signal_exit_code();
