@@ -18,6 +18,7 @@ namespace lineament::cli {
 namespace {
 
 bool quiet = false;
+bool strict = false;
 volatile std::sig_atomic_t caught_signal = 0;
 
 void on_signal(int signal_number)
@@ -111,8 +112,11 @@ void print_error(const std::string& message)
     print_message("error", "\033[31m", message);
 }
 
-void print_warning(const std::string& message)
+void warn_of_input(const std::string& message)
 {
+    if (strict) {
+        throw Failure(bad_input, message + " (an error because of --strict)");
+    }
     print_message("warning", "\033[33m", message);
 }
 
@@ -134,6 +138,11 @@ void print_data(const std::string& line)
 void be_quiet()
 {
     quiet = true;
+}
+
+void be_strict()
+{
+    strict = true;
 }
 
 ProgressBar::ProgressBar(std::string label, std::size_t total)

@@ -40,14 +40,17 @@ private:
 
 /// "lineament: error: MESSAGE" on stderr, red on a terminal unless NO_COLOR is set; control characters are escaped.
 void print_error(const std::string& message);
-/// "lineament: warning: MESSAGE" on stderr.
-void print_warning(const std::string& message);
+/// "lineament: warning: MESSAGE" on stderr: an input is unusual, and taken all the same.
+/// @throws Failure(bad_input) with the message instead, if --strict was given.
+void warn_of_input(const std::string& message);
 /// A message on stderr; nothing if --quiet was given.
 void print_note(const std::string& message);
 /// A line of data on stdout. @throws Failure(system_failed) if stdout is full or closed.
 void print_data(const std::string& line);
 /// No notes and no progress bar from now on.
 void be_quiet();
+/// Warnings about inputs are errors from now on.
+void be_strict();
 
 /// The text with control characters and invalid UTF-8 replaced by \xNN, so that a file name cannot steer a terminal.
 [[nodiscard]] std::string printable(const std::string& text);

@@ -105,6 +105,7 @@ void add_doctor_command(CLI::App& program, Action& action)
     CLI::App* command = add_command(program, "doctor", "What is installed, what is missing, how to get it.");
     auto as_json = std::make_shared<bool>(false);
     command->add_flag("--json", *as_json, "Findings as JSON on stdout.");
+    command->footer("Examples:\n  lineament doctor\n  lineament doctor --json");
     command->callback([&action, as_json] { action = [as_json] { return run(*as_json); }; });
 }
 

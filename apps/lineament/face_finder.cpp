@@ -28,14 +28,17 @@ std::optional<FoundFace> found(std::optional<Face>&& face)
 
 } // namespace
 
-void add_finder_options(CLI::App& command, FinderOptions& options)
+void add_finder_options(CLI::App& command, FinderOptions& options, bool takes_landmark_files)
 {
-    command
-        .add_option(
-            "--detector", options.detector,
-            "What finds faces and landmarks: mediapipe (478 points), dlib (68 points; its landmark model excludes "
-            "commercial use), or none (landmark files only).")
-        ->check(CLI::IsMember({"mediapipe", "dlib", "none"}))
+    std::vector<std::string> detectors = {"mediapipe", "dlib"};
+    std::string help = "What finds faces and landmarks: mediapipe (478 points), dlib (68 points; its landmark model "
+                       "excludes commercial use)";
+    if (takes_landmark_files) {
+        detectors.emplace_back("none");
+        help += ", none (landmark files only)";
+    }
+    command.add_option("--detector", options.detector, help + ".")
+        ->check(CLI::IsMember(detectors))
         ->capture_default_str();
     command
         .add_option("--min-face", options.min_face_px,

@@ -24,7 +24,8 @@ struct FinderOptions
 };
 
 /// --detector and --min-face.
-void add_finder_options(CLI::App& command, FinderOptions& options);
+/// @param takes_landmark_files  Whether the command can do without a detector.
+void add_finder_options(CLI::App& command, FinderOptions& options, bool takes_landmark_files);
 
 /// A face found in a picture.
 struct FoundFace

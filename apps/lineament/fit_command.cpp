@@ -365,7 +365,7 @@ void add_fit_command(CLI::App& program, Action& action)
     command->add_option("--landmark-units", options->landmark_units, "What the numbers of landmark files mean.")
         ->check(CLI::IsMember({"pixels", "normalized"}))
         ->capture_default_str();
-    add_finder_options(*command, options->finder);
+    add_finder_options(*command, options->finder, true);
     command->add_option("--face", options->face, "Only this face (1: the largest); default: all.")
         ->check(CLI::PositiveNumber);
     command->add_flag("--same-person", options->same_person,

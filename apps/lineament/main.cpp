@@ -22,6 +22,8 @@ int main(int argc, char** argv)
     program.fallthrough();
     program.add_flag_function(
         "-q,--quiet", [](std::int64_t) { be_quiet(); }, "No progress bar and no notes.");
+    program.add_flag_function(
+        "--strict", [](std::int64_t) { be_strict(); }, "Warnings about inputs become errors (exit code 3).");
     program.footer("Examples:\n"
                    "  lineament fit portrait.jpg               one folder 'portrait' with mesh, texture and report\n"
                    "  lineament fit photos/ -o faces           every picture of a folder\n"

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "commands.hpp"
 #include "console.hpp"
+#include "model_options.hpp"
 #include "model_sheets.hpp"
 
 #include "lineament/io/image_file.hpp"
-#include "lineament/io/model_file.hpp"
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -97,20 +97,12 @@ void print_description(const Json& json)
                         json["contour_candidates"]["right"].dump() + " right");
     line("triangle groups", list(json["triangle_groups"]));
     line("masks", list(json["masks"]));
-    for (const Json& warning : json["warnings"]) {
-        print_warning(warning.get<std::string>());
-    }
-}
-
-std::string path_or_default(const std::string& path)
-{
-    return path.empty() ? default_model_path().string() : path;
 }
 
 int run_info(const std::string& file, bool as_json)
 {
-    const std::string path = path_or_default(file);
-    const Json json = describe(load_model_file(path), path);
+    const std::string path = model_path_or_default(file);
+    const Json json = describe(load_model_with_warnings(path), path);
     if (as_json) {
         print_data(json.dump(2, ' ', false, Json::error_handler_t::replace));
     } else {
@@ -121,8 +113,7 @@ int run_info(const std::string& file, bool as_json)
 
 int run_sample(const std::string& file, const std::string& output, const SheetOptions& options)
 {
-    const MorphableModel model = load_model(path_or_default(file));
-    save_png(output, make_sheet(model, options));
+    save_png(output, make_sheet(load_model_with_warnings(model_path_or_default(file)).model, options));
     print_data(printable(output));
     return all_done;
 }
@@ -133,12 +124,14 @@ void add_model_command(CLI::App& program, Action& action)
 {
     CLI::App* model = add_command(program, "model", "Work on morphable models.");
     model->require_subcommand(1);
+    model->footer("Examples:\n  lineament model info\n  lineament model sample -o faces.png");
 
     CLI::App* info = add_command(*model, "info", "What a model file holds, its licence and provenance.");
     auto info_file = std::make_shared<std::string>();
     auto as_json = std::make_shared<bool>(false);
     info->add_option("file", *info_file, "Model file; default: the free model that comes along.");
     info->add_flag("--json", *as_json, "As JSON.");
+    info->footer("Examples:\n  lineament model info\n  lineament model info my.safetensors --json");
     info->callback(
         [&action, info_file, as_json] { action = [info_file, as_json] { return run_info(*info_file, *as_json); }; });
 

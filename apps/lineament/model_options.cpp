@@ -4,8 +4,6 @@
 
 #include "console.hpp"
 
-#include "lineament/io/model_file.hpp"
-
 #include <CLI/CLI.hpp>
 
 namespace lineament::cli {
@@ -48,10 +46,24 @@ void add_model_options(CLI::App& command, ModelOptions& options)
         ->check(CLI::NonNegativeNumber);
 }
 
+std::string model_path_or_default(const std::string& path)
+{
+    return path.empty() ? default_model_path().string() : path;
+}
+
+ModelFile load_model_with_warnings(const std::string& path)
+{
+    ModelFile file = load_model_file(path);
+    for (const std::string& warning : file.warnings) {
+        warn_of_input(path + ": " + warning);
+    }
+    return file;
+}
+
 MorphableModel load_chosen_model(const ModelOptions& options)
 {
-    const std::string path = options.model.empty() ? default_model_path().string() : options.model;
-    MorphableModel model = load_model(path);
+    const std::string path = model_path_or_default(options.model);
+    MorphableModel model = load_model_with_warnings(path).model;
     if (options.level != "full") {
         const int num_levels = static_cast<int>(model.levels.size());
         if (options.level.size() != 1 || options.level[0] < '0' || options.level[0] - '0' >= num_levels) {
@@ -63,9 +75,13 @@ MorphableModel load_chosen_model(const ModelOptions& options)
     if (options.expression_set != "none" && model.find_expression_set(options.expression_set) == nullptr) {
         std::string sets;
         for (const Blendshapes& set : model.expression_sets) {
-            sets += set.name + ", ";
+            sets += set.name + " or ";
         }
-        throw Failure(wrong_use, "--expressions: " + path + " has " + sets + "or none; got " + options.expression_set);
+        throw Failure(wrong_use,
+                      "--expressions: for " + path + " expected " + sets + "none, got " + options.expression_set);
+    }
+    if (model.levels.back().uv_triangles.cols() == 0) {
+        throw Failure(bad_input, path + ": expected a uv layout, which the texture of the face needs, found none");
     }
     return model;
 }

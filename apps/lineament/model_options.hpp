@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "lineament/io/model_file.hpp"
 #include "lineament/model/morphable_model.hpp"
 #include "lineament/render/texture.hpp"
 
@@ -30,7 +31,14 @@ struct ModelOptions
 
 void add_model_options(CLI::App& command, ModelOptions& options);
 
-/// The model at the chosen level. @throws IoError; Failure(wrong_use) for a level or expression set it has not.
+/// The file named, or that of the default model if the name is empty.
+[[nodiscard]] std::string model_path_or_default(const std::string& path);
+
+/// load_model_file, with a warning for each of the file's. @throws IoError; Failure(bad_input) with --strict.
+[[nodiscard]] ModelFile load_model_with_warnings(const std::string& path);
+
+/// The model at the chosen level, with warnings as above.
+/// @throws IoError; Failure(wrong_use) for a level or expression set it has not; (bad_input) if it has no uv layout.
 [[nodiscard]] MorphableModel load_chosen_model(const ModelOptions& options);
 
 /// The uv layout of the finest level without the inside of the mouth.

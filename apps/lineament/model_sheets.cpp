@@ -151,6 +151,9 @@ std::vector<Tile> levels(const MorphableModel& model, const SheetOptions& option
 ImageU8 isomap(const MorphableModel& model, const SheetOptions& options)
 {
     const Eigen::Matrix3Xi& triangles = model.levels.back().uv_triangles;
+    if (triangles.cols() == 0) {
+        throw Failure(wrong_use, "--what isomap: the model has no uv layout");
+    }
     const int size = 3 * options.tile_px;
     ImageU8 image(size, size, 3, 255);
     for (Eigen::Index t = 0; t < triangles.cols(); ++t) {

@@ -84,7 +84,7 @@ void add_track_command(CLI::App& program, Action& action)
     command->add_option("inputs", options->inputs, "Videos, folders of videos, or quoted patterns.")->required();
     command->add_option("-o,--output", options->output, "Folder for the results; each input gets a folder in it.")
         ->capture_default_str();
-    add_finder_options(*command, options->track.finder);
+    add_finder_options(*command, options->track.finder, false);
     add_model_options(*command, options->track.model);
     command
         ->add_option("--identity-frames", options->track.num_identity_frames,
