@@ -65,16 +65,29 @@ struct Session
     {}
 };
 
-/// The landmark file of a picture: the file given, or the one with the picture's stem in the folder given.
-fs::path landmark_file_of(const fs::path& picture, const std::string& landmarks)
+/// Where the landmarks of a picture may be: in the file given, or in one with the picture's stem in the folder given.
+std::vector<fs::path> landmark_candidates(const fs::path& picture, const std::string& landmarks)
 {
     std::error_code ignored;
     if (!fs::is_directory(landmarks, ignored)) {
-        return landmarks;
+        return {landmarks};
+    }
+    std::vector<fs::path> candidates;
+    for (const char* extension : {".pts", ".json", ".csv"}) {
+        candidates.push_back(fs::path(landmarks) / (picture.stem().string() + extension));
+    }
+    return candidates;
+}
+
+fs::path landmark_file_of(const fs::path& picture, const std::string& landmarks)
+{
+    const std::vector<fs::path> candidates = landmark_candidates(picture, landmarks);
+    if (candidates.size() == 1) {
+        return candidates.front();
     }
     std::string tried;
-    for (const char* extension : {".pts", ".json", ".csv"}) {
-        fs::path candidate = fs::path(landmarks) / (picture.stem().string() + extension);
+    std::error_code ignored;
+    for (const fs::path& candidate : candidates) {
         if (fs::exists(candidate, ignored)) {
             return candidate;
         }
@@ -320,12 +333,28 @@ std::vector<int> fit_same_person(Session& session, const std::vector<Job>& jobs,
     return codes;
 }
 
+/// @throws Failure(system_failed) if a result would be written over a picture, a landmark file or the model.
+void protect_inputs(const Options& options, const std::vector<Job>& jobs)
+{
+    std::vector<fs::path> read = {model_path_or_default(options.model.model)};
+    std::vector<fs::path> written;
+    for (const Job& job : jobs) {
+        read.push_back(job.input);
+        const std::vector<fs::path> landmarks = landmark_candidates(job.input, options.landmarks);
+        read.insert(read.end(), landmarks.begin(), landmarks.end());
+        const std::vector<fs::path> results = result_files(job, fit_file_names());
+        written.insert(written.end(), results.begin(), results.end());
+    }
+    refuse_to_overwrite(read, written);
+}
+
 int run(const Options& options)
 {
     if (options.uncertainty && options.model.method != "joint") {
         throw Failure(wrong_use, "--uncertainty needs --method joint: the thesis's method does not say how sure it is");
     }
     const std::vector<Job> jobs = collect_jobs(options.inputs, options.output, {".jpg", ".jpeg", ".png"});
+    protect_inputs(options, jobs);
     Session session(options);
     Json summary = Json::array();
     const std::vector<int> codes =

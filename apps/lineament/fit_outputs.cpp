@@ -32,6 +32,13 @@ GlbScene make_scene(const MorphableModel& model, const FitResult& fit)
 
 } // namespace
 
+std::vector<std::string> fit_file_names()
+{
+    return {"fit.json",    "frontal.png",        "mesh.glb",        "mesh.mtl",       "mesh.obj",
+            "mesh.ply",    "neutral.mtl",        "neutral.obj",     "overlay.png",    "report.html",
+            "texture.png", "texture_filled.png", "uncertainty.glb", "uncertainty.png"};
+}
+
 std::string png_text(const ImageU8& image)
 {
     const std::vector<std::byte> bytes = format_png(image);

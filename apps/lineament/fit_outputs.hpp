@@ -34,6 +34,9 @@ struct OutputOptions
     int texture_size = 512; ///< Texels a side.
 };
 
+/// The names of all files that `lineament fit` can write for a picture.
+[[nodiscard]] std::vector<std::string> fit_file_names();
+
 /// The picture in uv space for a fitted face. Ears are taken only where the head is turned to show them: landmarks say
 /// little about their place, and from the front hair or background would be painted on.
 [[nodiscard]] TextureMap extract_face_texture(const MorphableModel& model, const TextureLayout& layout,

@@ -7,22 +7,17 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
+#include <utility>
 
 #include <glob.h>
+#include <sys/stat.h>
 
 namespace lineament::cli {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-std::string lower_extension(const fs::path& path)
-{
-    std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); });
-    return extension;
-}
 
 std::vector<fs::path> files_in_folder(const fs::path& folder, const std::vector<std::string>& extensions)
 {
@@ -63,7 +58,25 @@ std::vector<fs::path> files_of_pattern(const std::string& pattern)
     return files;
 }
 
+/// Device and number of a file's inode, which all its names share; empty if there is no such file.
+std::optional<std::pair<dev_t, ino_t>> identity_of(const fs::path& path)
+{
+    struct stat status = {};
+    if (stat(path.c_str(), &status) != 0) {
+        return std::nullopt;
+    }
+    return std::pair(status.st_dev, status.st_ino);
+}
+
 } // namespace
+
+std::string lower_extension(const fs::path& path)
+{
+    std::string extension = path.extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); });
+    return extension;
+}
 
 std::vector<Job> collect_jobs(const std::vector<std::string>& inputs, const fs::path& output,
                               const std::vector<std::string>& extensions)
@@ -86,8 +99,8 @@ std::vector<Job> collect_jobs(const std::vector<std::string>& inputs, const fs::
     for (const fs::path& file : files) {
         const Job job{file, output / file.stem()};
         if (const auto [other, is_new] = taken.emplace(job.output, job.input); !is_new) {
-            throw Failure(wrong_use, file.string() + " and " + other->second.string() + " would both write to " +
-                                         job.output.string() + "; run them with different -o folders");
+            throw Failure(system_failed, file.string() + " and " + other->second.string() + " would both write to " +
+                                             job.output.string() + "; run them with different -o folders");
         }
         if (std::error_code ignored; fs::exists(job.output, ignored) && !fs::is_directory(job.output, ignored)) {
             throw Failure(system_failed, job.output.string() + ": the results' folder exists as a file; choose another "
@@ -96,6 +109,42 @@ std::vector<Job> collect_jobs(const std::vector<std::string>& inputs, const fs::
         jobs.push_back(job);
     }
     return jobs;
+}
+
+std::vector<fs::path> result_files(const Job& job, const std::vector<std::string>& names)
+{
+    std::vector<fs::path> folders = {job.output};
+    std::error_code error;
+    for (fs::directory_iterator entry(job.output, error), end; !error && entry != end; entry.increment(error)) {
+        if (entry->path().filename().string().starts_with("face_")) {
+            folders.push_back(entry->path());
+        }
+    }
+    std::vector<fs::path> files;
+    for (const fs::path& folder : folders) {
+        for (const std::string& name : names) {
+            files.push_back(folder / name);
+        }
+    }
+    return files;
+}
+
+void refuse_to_overwrite(const std::vector<fs::path>& read, const std::vector<fs::path>& written)
+{
+    std::map<std::pair<dev_t, ino_t>, fs::path> inputs;
+    for (const fs::path& path : read) {
+        if (const auto identity = identity_of(path)) {
+            inputs.emplace(*identity, path);
+        }
+    }
+    for (const fs::path& path : written) {
+        const auto identity = identity_of(path);
+        const auto input = identity ? inputs.find(*identity) : inputs.end();
+        if (input != inputs.end()) {
+            throw Failure(system_failed, path.string() + ": would be written over the input " + input->second.string() +
+                                             "; choose another place with -o, nothing is written");
+        }
+    }
 }
 
 void make_folder(const fs::path& folder)

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "commands.hpp"
 #include "console.hpp"
+#include "inputs.hpp"
 #include "model_options.hpp"
 #include "model_sheets.hpp"
 
@@ -113,7 +114,9 @@ int run_info(const std::string& file, bool as_json)
 
 int run_sample(const std::string& file, const std::string& output, const SheetOptions& options)
 {
-    save_png(output, make_sheet(load_model_with_warnings(model_path_or_default(file)).model, options));
+    const std::string path = model_path_or_default(file);
+    refuse_to_overwrite({path}, {output});
+    save_png(output, make_sheet(load_model_with_warnings(path).model, options));
     print_data(printable(output));
     return all_done;
 }

@@ -25,10 +25,24 @@ struct Options
     TrackOptions track;
 };
 
+/// @throws Failure(system_failed) if a result would be written over a video or the model.
+void protect_inputs(const Options& options, const std::vector<Job>& jobs)
+{
+    std::vector<std::filesystem::path> read = {model_path_or_default(options.track.model.model)};
+    std::vector<std::filesystem::path> written;
+    for (const Job& job : jobs) {
+        read.push_back(job.input);
+        const std::vector<std::filesystem::path> results = result_files(job, track_file_names());
+        written.insert(written.end(), results.begin(), results.end());
+    }
+    refuse_to_overwrite(read, written);
+}
+
 int run(const Options& options)
 {
     const std::vector<Job> jobs =
         collect_jobs(options.inputs, options.output, {".mp4", ".mov", ".mkv", ".webm", ".avi", ".m4v", ".ogv"});
+    protect_inputs(options, jobs);
     VideoTracker tracker(options.track);
     Json summary = Json::array();
     int failed = 0;

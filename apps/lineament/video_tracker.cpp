@@ -116,6 +116,13 @@ struct VideoTracker::SeenFrame
     FitResult fit = {};              ///< Of this frame alone, without its landmarks.
 };
 
+std::vector<std::string> track_file_names()
+{
+    return {
+        "face.glb",  "frames.csv", "frontal.png", "overlay.mp4", "report.html", "texture.png", "texture_confidence.png",
+        "track.json"};
+}
+
 VideoTracker::VideoTracker(const TrackOptions& options)
     : options_(options), model_(load_chosen_model(options.model)), fitters_(model_, options.model),
       layout_(make_texture_layout(model_, options.texture_size)), finder_(options.finder)

@@ -36,6 +36,9 @@ struct TrackSummary
     double frames_per_second = 0.0; ///< Frames over the wall time of everything, reading to writing.
 };
 
+/// The names of all files that `lineament track` writes for a video.
+[[nodiscard]] std::vector<std::string> track_file_names();
+
 /// Follows one person's face through videos and writes the results.
 ///
 /// First pass: decode, detect or follow, landmarks of every frame. Then one identity from well-spread frames (thesis

@@ -51,7 +51,7 @@ TEST(CommandLine, TwoInputsWithOneOutputNameAreRefusedBeforeAnyWork)
     save_png(folder / "a/x.png", ImageU8(64, 64, 3));
     save_png(folder / "b/x.png", ImageU8(64, 64, 3));
     const Outcome outcome = run(folder, "fit a/x.png b/x.png -o out");
-    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(outcome.exit_code, 4);
     EXPECT_NE(outcome.error.find("both write"), std::string::npos) << outcome.error;
     EXPECT_FALSE(fs::exists(folder / "out"));
 }
