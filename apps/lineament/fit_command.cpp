@@ -22,6 +22,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <span>
 
 namespace lineament::cli {
 
@@ -97,10 +98,44 @@ fs::path landmark_file_of(const fs::path& picture, const std::string& landmarks)
                   landmarks + ": no landmark file for " + picture.string() + " (looked for " + tried + ")");
 }
 
+std::string size_text(int width, int height)
+{
+    return std::to_string(width) + " x " + std::to_string(height);
+}
+
+/// @throws Failure(bad_input) if the file says that its image has another size than the picture.
+void check_image_size(const LandmarkFile& file, const fs::path& path, const fs::path& picture_path,
+                      const ImageU8& picture)
+{
+    const int width = file.image_width.value_or(picture.width);
+    const int height = file.image_height.value_or(picture.height);
+    if (width != picture.width || height != picture.height) {
+        throw Failure(bad_input, path.string() + ":/image: expected the size of " + picture_path.string() + ", " +
+                                     size_text(picture.width, picture.height) + ", found " + size_text(width, height) +
+                                     "; are these the landmarks of another picture?");
+    }
+}
+
+/// @throws Failure(no_answer) if more than half of a face's landmarks lie outside the picture.
+void check_inside(const LandmarkSet& set, const fs::path& path, const fs::path& picture_path, const ImageU8& picture)
+{
+    const auto num_outside = std::count_if(set.landmarks.begin(), set.landmarks.end(), [&](const Landmark& landmark) {
+        const Eigen::Vector2d& point = landmark.point_px;
+        return point.minCoeff() < 0.0 || point.x() > picture.width || point.y() > picture.height;
+    });
+    if (2 * static_cast<std::size_t>(num_outside) > set.landmarks.size()) {
+        throw Failure(no_answer, path.string() + ": " + std::to_string(num_outside) + " of " +
+                                     std::to_string(set.landmarks.size()) + " landmarks lie outside " +
+                                     picture_path.string() + " (" + size_text(picture.width, picture.height) +
+                                     "); are they those of another picture or size?");
+    }
+}
+
 std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& picture_path, const ImageU8& picture)
 {
     const Options& options = session.options;
     std::vector<LandmarkSet> sets;
+    fs::path landmark_path;
     if (!options.landmarks.empty()) {
         LandmarkFileOptions file_options;
         file_options.pts_origin = options.pts_origin == "zero" ? PtsOrigin::zero_based : PtsOrigin::one_based;
@@ -111,14 +146,16 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
                                             : MediapipePoints::ibug68;
         file_options.image_width = picture.width;
         file_options.image_height = picture.height;
-        const fs::path file = landmark_file_of(picture_path, options.landmarks);
-        for (const LandmarkFrame& frame : load_landmarks(file.string(), file_options).frames) {
+        landmark_path = landmark_file_of(picture_path, options.landmarks);
+        const LandmarkFile file = load_landmarks(landmark_path.string(), file_options);
+        check_image_size(file, landmark_path, picture_path, picture);
+        for (const LandmarkFrame& frame : file.frames) {
             if (!frame.set.landmarks.empty()) {
                 sets.push_back(frame.set);
             }
         }
         if (sets.empty()) {
-            throw Failure(no_answer, file.string() + ": the file holds no face");
+            throw Failure(no_answer, landmark_path.string() + ": the file holds no face");
         }
     } else {
         for (FoundFace& face : session.finder.find(picture)) {
@@ -126,7 +163,7 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
         }
         if (sets.empty()) {
             throw Failure(no_answer, "no face found in " + picture_path.string() + " (" +
-                                         std::to_string(picture.width) + " x " + std::to_string(picture.height) +
+                                         size_text(picture.width, picture.height) +
                                          "); give --landmarks, or a picture with a larger, more frontal face");
         }
     }
@@ -139,6 +176,9 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
         sets = {sets[static_cast<std::size_t>(options.face - 1)]};
     }
     for (LandmarkSet& set : sets) {
+        if (!options.landmarks.empty()) {
+            check_inside(set, landmark_path, picture_path, picture);
+        }
         set = session.fitters.in_scheme_of_model(std::move(set));
     }
     return sets;
@@ -153,12 +193,27 @@ struct SeenPicture
     [[nodiscard]] Eigen::Vector2d center() const { return {0.5 * picture.width, 0.5 * picture.height}; }
 };
 
+/// Warns of a name that belongs to another format than the picture's.
+void check_extension(const fs::path& path, std::span<const std::byte> bytes)
+{
+    const std::optional<ContentGuess> guess = guess_content(bytes);
+    const std::string extension = lower_extension(path);
+    const bool is_png = guess && guess->kind == "a PNG image";
+    const bool fits = is_png ? extension == ".png" : extension == ".jpg" || extension == ".jpeg";
+    if (guess && !fits && !extension.empty()) {
+        warn_of_input(path.string() + ": the name ends in " + extension + ", but the file is " + guess->kind +
+                      " and is read as such");
+    }
+}
+
 SeenPicture look_at(Session& session, const fs::path& path)
 {
     ImageLimits limits;
     limits.max_megapixels = session.options.max_megapixels;
     SeenPicture seen;
-    seen.picture = load_image(path.string(), limits);
+    const std::vector<std::byte> bytes = read_file(path);
+    seen.picture = parse_image(bytes, path.string(), limits);
+    check_extension(path, bytes);
     seen.sets = find_landmarks(session, path, seen.picture);
     return seen;
 }
