@@ -82,7 +82,10 @@ int run(const Options& options)
         print_data(summary.dump(2, ' ', false, Json::error_handler_t::replace));
     }
     if (signal_exit_code() != 0) {
-        print_error("interrupted; the files written are whole and hold the frames up to then");
+        if (last_code != signal_exit_code()) { // else the video that was interrupted has said what became of it
+            print_error("interrupted after " + std::to_string(summary.size()) + " of " + std::to_string(jobs.size()) +
+                        " inputs; what is written is whole");
+        }
         return signal_exit_code();
     }
     return jobs.size() > 1 && failed > 0 ? static_cast<int>(some_failed) : last_code;

@@ -214,14 +214,14 @@ TrackSummary VideoTracker::track(const Job& job)
     std::optional<std::string> problem;
     const std::vector<SeenFrame> seen = watch(job, info, problem);
     const std::string name = job.input.string();
+    if (signal_exit_code() != 0) {
+        throw Failure(signal_exit_code(), name + ": interrupted while the video was watched; nothing is written");
+    }
     if (std::none_of(seen.begin(), seen.end(), [](const SeenFrame& frame) { return frame.has_face; })) {
         if (problem) {
             throw Failure(bad_input, name + ": " + *problem);
         }
         throw Failure(no_answer, name + ": no face found in any of " + std::to_string(seen.size()) + " frames");
-    }
-    if (signal_exit_code() != 0) {
-        throw Failure(signal_exit_code(), name + ": interrupted while the video was watched; nothing is written");
     }
     const Eigen::Vector2d principal_point = center_of(info);
     const Eigen::VectorXd identity = fit_identity(seen, principal_point);
@@ -273,13 +273,18 @@ TrackSummary VideoTracker::track(const Job& job)
         }
         problem = problem ? problem : reader.problem();
     }
+    const bool is_interrupted = rows.size() < seen.size() && signal_exit_code() != 0;
+    if (!problem && !is_interrupted && rows.size() < seen.size()) {
+        problem = "the video gave fewer frames when it was read a second time; did the file change?";
+    }
+    if (rows.empty()) {
+        throw is_interrupted
+            ? Failure(signal_exit_code(), name + ": interrupted before the first frame was fitted; nothing is written")
+            : Failure(bad_input, name + ": " + *problem + "; nothing is written");
+    }
     writer.finish();
     overlay_file.commit();
-    if (rows.empty()) {
-        throw Failure(signal_exit_code(), name + ": interrupted before the first frame was fitted");
-    }
-
-    write_results(job, info, identity, texture, status_counts, report);
+    write_results(job, info, identity, texture, status_counts, !problem && !is_interrupted, report);
 
     TrackSummary summary;
     summary.num_frames = static_cast<std::int64_t>(rows.size());
@@ -293,6 +298,11 @@ TrackSummary VideoTracker::track(const Job& job)
     summary.duration_s = rows.back().time_s - rows.front().time_s;
     summary.median_rms_px = median(std::move(rms_px));
     summary.frames_per_second = static_cast<double>(rows.size()) / (now_s() - begin_s);
+    if (is_interrupted) {
+        throw Failure(signal_exit_code(), name + ": interrupted; the files written are whole and hold the first " +
+                                              std::to_string(rows.size()) + " of " + std::to_string(seen.size()) +
+                                              " frames");
+    }
     if (problem) {
         throw Failure(bad_input, name + ": " + *problem + "; the results hold the frames up to there");
     }
@@ -301,7 +311,7 @@ TrackSummary VideoTracker::track(const Job& job)
 
 void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Eigen::VectorXd& identity,
                                  const TextureAccumulator& texture, const std::map<std::string, int>& status_counts,
-                                 TrackReport& report) const
+                                 bool is_complete, TrackReport& report) const
 {
     const std::vector<TrackRow>& rows = report.rows;
     const Blendshapes* expressions = model_.find_expression_set(options_.model.expression_set);
@@ -317,6 +327,7 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
     if (rows.size() > 1 && file.duration_s > 0.0) {
         file.frame_rate = static_cast<double>(rows.size() - 1) / file.duration_s;
     }
+    file.is_complete = is_complete;
     file.model = model_.name;
     file.method = options_.model.method;
     file.focal_px = options_.model.focal_px > 0.0 ? std::optional(options_.model.focal_px) : std::nullopt;

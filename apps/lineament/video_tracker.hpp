@@ -48,7 +48,8 @@ class VideoTracker
 public:
     explicit VideoTracker(const TrackOptions& options);
 
-    /// @throws Failure(no_answer) if no frame shows a face; what the video could not give is in the message.
+    /// @throws Failure(no_answer) if no frame shows a face; (bad_input) if the video broke off, or with the signal's
+    ///   code after an interruption: the results, if there are any, then hold the frames up to there.
     TrackSummary track(const Job& job);
 
 private:
@@ -61,7 +62,7 @@ private:
 
     void write_results(const Job& job, const VideoInfo& info, const Eigen::VectorXd& identity,
                        const TextureAccumulator& texture, const std::map<std::string, int>& status_counts,
-                       TrackReport& report) const;
+                       bool is_complete, TrackReport& report) const;
 
     TrackOptions options_;
     MorphableModel model_;
