@@ -8,8 +8,8 @@
 //
 // Errors are mean distances of the inner points 18 ... 68 from the annotation, in % of its outer-eye distance; medians
 // over the faces of a set. A fit has the default options. Rows of a set: the annotation itself, 68 points of
-// FaceDetector, 52 of MeshDetector (no outline but the chin); the fit's error is that of the model's projected
-// landmarks.
+// FaceDetector, 52 of MeshDetector as ibug68 (no outline but the chin), all 478 of MeshDetector; the fit's error is
+// that of the model's projected landmarks.
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/io/image_file.hpp"
@@ -90,37 +90,56 @@ struct Source
     std::vector<PoseError> poses = {};
     int not_success = 0; ///< Fits with another status than success.
 };
-using Sources = std::array<Source, 3>;
+using Sources = std::array<Source, 4>;
 
 Sources no_values()
 {
-    return {{{"annotation"}, {"FaceDetector"}, {"MeshDetector"}}};
+    return {{{"annotation"}, {"FaceDetector"}, {"MeshDetector, 52"}, {"MeshDetector"}}};
 }
 
-/// The face nearest to the annotation, unless it is another face.
-std::optional<LandmarkSet> nearest_face(const std::vector<LandmarkSet>& faces, const LandmarkSet& truth)
+/// A face as found: its points as ibug68, to be compared, and in the scheme that it is fitted in.
+struct Face
 {
-    std::optional<LandmarkSet> nearest;
+    LandmarkSet as_ibug68;
+    const FaceFitter* fitter;
+    LandmarkSet landmarks;
+};
+
+/// The face nearest to the annotation, unless it is another face.
+const Face* nearest_face(const std::vector<Face>& faces, const LandmarkSet& truth)
+{
+    const Face* nearest = nullptr;
     double least = other_face_percent;
-    for (const LandmarkSet& face : faces) {
-        if (error_percent(face, truth) < least) {
-            least = error_percent(face, truth);
-            nearest = face;
+    for (const Face& face : faces) {
+        if (error_percent(face.as_ibug68, truth) < least) {
+            least = error_percent(face.as_ibug68, truth);
+            nearest = &face;
         }
     }
     return nearest;
 }
 
-void add(Source& source, const FaceFitter& fitter, const LandmarkSet& landmarks, const LandmarkSet& truth,
-         const ImageU8& picture, const std::optional<SetAngles>& angles)
+/// The ibug68 points of the fitted face.
+LandmarkSet project_ibug68(const MorphableModel& model, const FitResult& fit)
 {
-    const FitResult fit = fitter.fit(landmarks, 0.5 * Eigen::Vector2d(picture.width, picture.height));
-    LandmarkSet fitted;
-    for (const FittedLandmark& landmark : fit.landmarks) {
-        fitted.landmarks.push_back({landmark.name, landmark.fitted_px, 1.0});
+    const LandmarkMap& map = *model.find_landmark_map("ibug68");
+    const Eigen::VectorXf shape = shape_of(model, fit);
+    const Eigen::Matrix3Xf points =
+        map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, shape.size() / 3));
+    LandmarkSet projected;
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+        const Eigen::Vector3d point = points.col(i).cast<double>();
+        projected.landmarks.push_back({map.names[static_cast<std::size_t>(i)], fit.camera.project(point), 1.0});
     }
-    source.landmark_percent.push_back(error_percent(landmarks, truth));
-    source.fit_percent.push_back(error_percent(fitted, truth));
+    return projected;
+}
+
+void add(Source& source, const Face& face, const LandmarkSet& truth, const ImageU8& picture,
+         const std::optional<SetAngles>& angles)
+{
+    const FitResult fit = face.fitter->fit(face.landmarks, 0.5 * Eigen::Vector2d(picture.width, picture.height));
+    source.landmark_percent.push_back(error_percent(face.as_ibug68, truth));
+    source.fit_percent.push_back(error_percent(project_ibug68(face.fitter->model(), fit), truth));
     source.not_success += fit.status == FitStatus::success ? 0 : 1;
     if (angles) {
         source.poses.push_back(pose_error(fit.camera.camera_from_model, *angles));
@@ -130,7 +149,7 @@ void add(Source& source, const FaceFitter& fitter, const LandmarkSet& landmarks,
 void print_accuracy(const char* set, const Sources& sources)
 {
     for (const Source& source : sources) {
-        std::printf("%-18s %-13s %5zu %12.2f %12.2f %10.2f %14d\n", set, source.name, source.fit_percent.size(),
+        std::printf("%-18s %-16s %5zu %12.2f %12.2f %10.2f %14d\n", set, source.name, source.fit_percent.size(),
                     median(source.landmark_percent), median(source.fit_percent), quantile(source.fit_percent, 0.9),
                     source.not_success);
     }
@@ -138,7 +157,7 @@ void print_accuracy(const char* set, const Sources& sources)
 
 void print_poses(const Sources& sources)
 {
-    std::printf("\nAFLW2000 pose  faces  largest_|yaw|  rotation_deg: median   mean    max   angles_mae_deg\n");
+    std::printf("\nAFLW2000 pose     faces  largest_|yaw|  rotation_deg: median   mean    max   angles_mae_deg\n");
     for (const Source& source : sources) {
         std::vector<double> rotation;
         double mean_rotation = 0.0;
@@ -150,7 +169,7 @@ void print_poses(const Sources& sources)
             mean_angles += pose.angles_deg / static_cast<double>(source.poses.size());
             largest_yaw = std::max(largest_yaw, std::abs(pose.yaw_deg));
         }
-        std::printf("%-13s %6zu %14.0f %21.2f %6.2f %6.2f %16.2f\n", source.name, source.poses.size(), largest_yaw,
+        std::printf("%-16s %6zu %14.0f %21.2f %6.2f %6.2f %16.2f\n", source.name, source.poses.size(), largest_yaw,
                     median(rotation), mean_rotation, quantile(rotation, 1.0), mean_angles);
     }
 }
@@ -159,31 +178,36 @@ void measure(const fs::path& data, const std::map<std::string, SetAngles>& angle
 {
     FaceDetector face_detector;
     MeshDetector mesh_detector;
-    const FaceFitter fitter(load_model(default_model_path()));
+    const MorphableModel model = load_model(default_model_path());
+    const FaceFitter sparse(model, "ibug68");
+    const FaceFitter dense(model, "mediapipe478");
     Sources all = no_values();
-    std::printf("set                landmarks of  faces  landmarks_%%        fit_%%   fit_p90_%%  fits_not_success\n");
+    std::printf(
+        "set                landmarks of     faces  landmarks_%%        fit_%%   fit_p90_%%  fits_not_success\n");
     for (const char* set : photo_sets) {
         Sources sources = no_values();
         for (const auto& [path, truths] : annotated_faces(data / "images" / set)) {
             const ImageU8 picture = load_image(path);
-            std::vector<LandmarkSet> faces;
+            std::array<std::vector<Face>, 3> found;
             for (const DetectedFace& face : face_detector.detect(picture)) {
-                faces.push_back(face.landmarks);
+                found[0].push_back({face.landmarks, &sparse, face.landmarks});
             }
-            std::vector<LandmarkSet> mesh_faces;
             for (const MeshFace& face : mesh_detector.detect(picture)) {
-                mesh_faces.push_back(ibug68_from_mediapipe(face.landmarks));
+                const LandmarkSet as_ibug68 = ibug68_from_mediapipe(face.landmarks);
+                found[1].push_back({as_ibug68, &sparse, as_ibug68});
+                found[2].push_back({as_ibug68, &dense, face.landmarks});
             }
             const auto known = angles_of.find(path.stem().string());
             const std::optional<SetAngles> angles =
                 known != angles_of.end() ? std::optional(known->second) : std::nullopt;
             for (const LandmarkSet& truth : truths) {
-                const std::array<std::optional<LandmarkSet>, 3> found = {truth, nearest_face(faces, truth),
-                                                                         nearest_face(mesh_faces, truth)};
-                for (std::size_t s = 0; s < found.size(); ++s) {
-                    if (found[s]) {
-                        add(sources[s], fitter, *found[s], truth, picture, angles);
-                        add(all[s], fitter, *found[s], truth, picture, angles);
+                const Face annotated = {truth, &sparse, truth};
+                const std::array<const Face*, 4> faces = {&annotated, nearest_face(found[0], truth),
+                                                          nearest_face(found[1], truth), nearest_face(found[2], truth)};
+                for (std::size_t s = 0; s < faces.size(); ++s) {
+                    if (faces[s]) {
+                        add(sources[s], *faces[s], truth, picture, angles);
+                        add(all[s], *faces[s], truth, picture, angles);
                     }
                 }
             }

@@ -53,18 +53,21 @@ LandmarkFile read_own(const JsonReader& root, const LandmarkFileOptions& options
         if (name.empty()) {
             point.fail("a named point, found the empty name with");
         }
-        if (point.size() != 2 && point.size() != 3) {
-            point.fail("[x, y] or [x, y, confidence]");
+        if (point.size() < 2 || point.size() > 4) {
+            point.fail("[x, y], [x, y, confidence] or [x, y, confidence, depth]");
         }
         Landmark landmark;
         landmark.name = name;
         landmark.point_px =
             to_image_space(read_coordinate(point.element(0)), read_coordinate(point.element(1)), 0.0, options);
-        if (point.size() == 3) {
+        if (point.size() >= 3) {
             landmark.confidence = point.element(2).number();
             if (landmark.confidence < 0.0 || landmark.confidence > 1.0) {
                 point.element(2).fail("a confidence in 0 to 1");
             }
+        }
+        if (point.size() == 4) {
+            landmark.depth_px = read_coordinate(point.element(3));
         }
         frame.set.landmarks.push_back(std::move(landmark));
     }
@@ -89,14 +92,23 @@ LandmarkFrame read_mesh(const JsonReader& points, MediapipeUnits units, const La
     const bool is_ibug68 = options.mediapipe_points == MediapipePoints::ibug68;
     LandmarkFrame frame;
     frame.set.scheme = is_ibug68 ? "ibug68" : "mediapipe478";
+    bool is_flat = true;
     for (std::size_t i = 0; i < count; ++i) {
         const JsonReader point = points.element(i);
         const bool is_array = point.value().is_array();
         const double x = read_coordinate(is_array ? point.element(0) : point.member("x"));
         const double y = read_coordinate(is_array ? point.element(1) : point.member("y"));
+        const bool has_depth = is_array ? point.size() > 2 : point.has("z");
+        const double z = !has_depth ? 0.0 : read_coordinate(is_array ? point.element(2) : point.member("z"));
+        is_flat = is_flat && z == 0.0;
         const std::string name = is_ibug68 ? ibug68_name_of_mediapipe_point(static_cast<int>(i)) : std::to_string(i);
         if (!name.empty()) {
-            frame.set.landmarks.push_back({name, {x * width, y * height}});
+            frame.set.landmarks.push_back({name, {x * width, y * height}, 1.0, z * width});
+        }
+    }
+    if (is_flat) { // written without depth
+        for (Landmark& landmark : frame.set.landmarks) {
+            landmark.depth_px.reset();
         }
     }
     return frame;
@@ -158,8 +170,13 @@ std::string format_landmarks(const LandmarkSet& set, int image_width, int image_
         require(landmark.confidence >= 0.0 && landmark.confidence <= 1.0, "format_landmarks", "confidence",
                 "a number in 0 to 1", to_text(landmark.confidence));
         detail::Json point = {landmark.point_px.x(), landmark.point_px.y()};
-        if (landmark.confidence != 1.0) {
+        require(std::isfinite(landmark.depth_px.value_or(0.0)), "format_landmarks", "depth_px", "a finite number",
+                to_text(landmark.depth_px.value_or(0.0)));
+        if (landmark.confidence != 1.0 || landmark.depth_px) {
             point.push_back(landmark.confidence);
+        }
+        if (landmark.depth_px) {
+            point.push_back(*landmark.depth_px);
         }
         points[landmark.name] = std::move(point);
     }

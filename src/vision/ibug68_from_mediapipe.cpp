@@ -16,8 +16,8 @@ LandmarkSet ibug68_from_mediapipe(const LandmarkSet& set)
             continue;
         }
         if (const std::optional<Landmark> landmark = set.find(std::to_string(i))) {
-            result.landmarks.push_back(
-                {.name = name, .point_px = landmark->point_px, .confidence = landmark->confidence});
+            result.landmarks.push_back(*landmark);
+            result.landmarks.back().name = name;
         }
     }
     return result;

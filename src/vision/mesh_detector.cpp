@@ -110,6 +110,7 @@ void store(const MeshEstimate& estimate, double score, MeshFace& face)
         landmark.name = std::to_string(i); // short enough for no allocation
         landmark.point_px = estimate.points.col(i).head<2>().cast<double>();
         landmark.confidence = 1.0;
+        landmark.depth_px = estimate.points(2, i);
     }
 }
 

@@ -5,6 +5,7 @@
 #include "lineament/fit/joint_fitter.hpp"
 
 #include "planted_images.hpp"
+#include "support/matchers.hpp"
 
 namespace lineament {
 namespace {

@@ -250,6 +250,24 @@ TEST(RealtimeFitter, AgreesWithFaceFitterOn478PointsWithNoiseOfTheirOwn)
     }
 }
 
+TEST(RealtimeFitter, AgreesWithFaceFitterOnPointsWithDepth)
+{
+    Random random(751);
+    for (const char* scheme : {"ibug68", "mediapipe478"}) {
+        Bench bench(face_model(), with_contour(ContourMode::fixed), kernels::dispatched_kernels(), MeshStorage::float32,
+                    scheme);
+        for (int trial = 0; trial < 20; ++trial) {
+            Planted planted = plant(face_model(), random, 1.5, 45, scheme);
+            const FitResult flat = bench.reference(planted);
+            test::add_depth(face_model(), planted.camera, -80, planted.landmarks);
+            const FitResult reference = bench.reference(planted);
+            expect_same(bench.fit(planted), reference, face_model(), 1.0);
+            EXPECT_THAT(reference.camera.camera_from_model,
+                        ::testing::Not(test::IsNear(flat.camera.camera_from_model, 1e-5)));
+        }
+    }
+}
+
 TEST(RealtimeFitter, FollowsAFaceFromItsOwnLastResult)
 {
     Random random(76);
@@ -428,6 +446,7 @@ TEST(RealtimeFitter, AllocatesNothingOncePrepared)
             std::vector<Planted> faces;
             for (int trial = 0; trial < 30; ++trial) {
                 faces.push_back(plant(face_model(), random, 1.0, 60));
+                test::add_depth(face_model(), faces.back().camera, 0, faces.back().landmarks);
             }
             const FrozenIdentity frozen = bench.fitter.freeze(0.5 * test::random_normal(random, 60));
             bench.fit(faces[0]);

@@ -317,6 +317,30 @@ TEST(LandmarkFile, MediapipePointsAreScaledByTheImageSizeWithoutShift)
     EXPECT_TRUE(parse("{\"faceLandmarks\":[]}", options).frames.empty()) << "no face found";
 }
 
+TEST(LandmarkFile, MediapipeDepthIsScaledByTheWidth)
+{
+    const LandmarkFileOptions options = {.image_width = 640, .image_height = 480};
+    const auto depth_of = [&](const std::string& text) {
+        return parse(text, options).frames[0].set.find("31")->depth_px;
+    };
+    EXPECT_EQ(depth_of(mediapipe_points(478)), -64.0);
+    EXPECT_EQ(depth_of(mediapipe_points(468, "[0.5,0.25,0.2]")), 128.0);
+    EXPECT_EQ(depth_of("{\"keypoints\":" + mediapipe_points(478, R"({"x":5,"y":2,"z":-3})") + "}"), -3.0);
+    EXPECT_EQ(depth_of(mediapipe_points(468, "[0.5,0.25,0]")), std::nullopt) << "zero everywhere: no depth was written";
+    EXPECT_EQ(depth_of(mediapipe_points(468, "[0.5,0.25]")), std::nullopt);
+    expect_refused(mediapipe_points(468, R"([0.5,0.25,"far"])"), "/0/2", "number", options);
+}
+
+TEST(LandmarkFile, DepthGoesThroughOurOwnFormat)
+{
+    const LandmarkSet set = {.landmarks = {{"9", {1, 2}, 1.0, -7.25}, {"31", {3, 4}, 0.5, std::nullopt}}};
+    EXPECT_EQ(parse(format_landmarks(set, 640, 480)).frames[0].set.find("9"), set.find("9"));
+    EXPECT_EQ(parse(format_landmarks(set, 640, 480)).frames[0].set.find("31"), set.find("31"));
+    LandmarkSet broken = set;
+    broken.landmarks[0].depth_px = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)format_landmarks(broken, 640, 480); }, "depth_px"));
+}
+
 TEST(LandmarkFile, MediapipePointsKeepTheirNumbersIfAsked)
 {
     for (const int count : {468, 478}) {

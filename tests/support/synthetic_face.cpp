@@ -283,4 +283,15 @@ LandmarkSet project_landmarks(const MorphableModel& model, const std::string& sc
     return set;
 }
 
+void add_depth(const MorphableModel& model, const Camera& camera, double origin_px, LandmarkSet& set)
+{
+    const LandmarkMap& map = *model.find_landmark_map(set.scheme);
+    const Eigen::Matrix3Xf points =
+        map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(model.shape.mean.data(), 3, model.num_vertices()));
+    for (Landmark& landmark : set.landmarks) {
+        const Eigen::Vector3d point = points.col(map.index_of(landmark.name)).cast<double>();
+        landmark.depth_px = origin_px + camera.scale_px_per_mm * camera.camera_from_model.row(2).dot(point);
+    }
+}
+
 } // namespace lineament::test

@@ -39,4 +39,7 @@ struct SyntheticFaceOptions
                                             const Eigen::VectorXd& expression_coefficients, const Camera& camera,
                                             double noise_px, Random& random);
 
+/// Gives the landmarks the depth that they have on the model's mean face, seen by the camera from `origin_px`.
+void add_depth(const MorphableModel& model, const Camera& camera, double origin_px, LandmarkSet& set);
+
 } // namespace lineament::test

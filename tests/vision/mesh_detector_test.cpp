@@ -199,7 +199,8 @@ TEST(Ibug68FromMediapipe, NamesTheInnerPointsAndTheChin)
 {
     LandmarkSet set = {.scheme = "mediapipe478"};
     for (int i = 0; i < 478; ++i) {
-        set.landmarks.push_back({.name = std::to_string(i), .point_px = {i, 2.0 * i}, .confidence = 0.5});
+        set.landmarks.push_back(
+            {.name = std::to_string(i), .point_px = {i, 2.0 * i}, .confidence = 0.5, .depth_px = -i});
     }
     const LandmarkSet result = ibug68_from_mediapipe(set);
     EXPECT_EQ(result.scheme, "ibug68");
@@ -210,6 +211,7 @@ TEST(Ibug68FromMediapipe, NamesTheInnerPointsAndTheChin)
     EXPECT_EQ(result.find("37")->point_px, Eigen::Vector2d(33, 66));
     EXPECT_EQ(result.find("9")->point_px, Eigen::Vector2d(152, 304));
     EXPECT_EQ(result.find("37")->confidence, 0.5);
+    EXPECT_EQ(result.find("37")->depth_px, -33);
     EXPECT_TRUE(throws<InvalidArgument>([] { (void)ibug68_from_mediapipe({}); }, "mediapipe478", "ibug68"));
 }
 

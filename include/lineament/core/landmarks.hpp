@@ -16,6 +16,10 @@ struct Landmark
     std::string name = {};                              ///< For the scheme ibug68: "1" ... "68".
     Eigen::Vector2d point_px = Eigen::Vector2d::Zero(); ///< Image space: pixel centres at +0.5, y down.
     double confidence = 1.0;                            ///< [0, 1]; 0 means: not seen, point ignored.
+    /// Depth, growing away from the camera, from an origin that the points of a face share; in px, as one mm of it is
+    /// as many as one mm across. What a network draws here follows the turn of the head, not the person: it only serves
+    /// the pose.
+    std::optional<double> depth_px = std::nullopt;
 
     bool operator==(const Landmark&) const = default;
 };

@@ -168,6 +168,7 @@ LINEAMENT_FIT_INLINE FitResult FaceFitter::fit(const LandmarkSet& landmarks, con
             }
         }
         if (has_pose) {
+            frame.turn_by_depth(alpha);
             frame.note(identity.status, identity.reason);
         } else {
             alpha.setZero();
@@ -206,6 +207,9 @@ LINEAMENT_FIT_INLINE FitResult FaceFitter::fit_pose_and_expression(const Landmar
             if (has_pose) {
                 frame.fit_expression(alpha);
             }
+        }
+        if (has_pose) {
+            frame.turn_by_depth(alpha);
         }
         result = frame.result(alpha, iteration);
     }

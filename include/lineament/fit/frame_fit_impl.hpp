@@ -8,6 +8,7 @@
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/expression.hpp"
 #include "lineament/fit/landmark_use_impl.hpp"
+#include "lineament/fit/pair_moments_impl.hpp"
 #include "lineament/fit/pose.hpp"
 
 #include <algorithm>
@@ -46,6 +47,10 @@ public:
 
     /// False, with status and neutral camera, if the points give no usable pose.
     bool estimate_pose(const Eigen::VectorXd& shape_coefficients);
+
+    /// The pose again with the landmarks' depth, where at least four have one, and the expression that goes with it.
+    /// After the identity, which depth must not touch: it is not the person's.
+    void turn_by_depth(const Eigen::VectorXd& shape_coefficients);
 
     void add_to(IdentitySystem& system, const Eigen::VectorXd& shape_coefficients);
     void fit_expression(const Eigen::VectorXd& shape_coefficients);
@@ -195,6 +200,33 @@ inline bool FrameFit::estimate_pose(const Eigen::VectorXd& shape_coefficients)
         set_weights();
     }
     return true;
+}
+
+inline void FrameFit::turn_by_depth(const Eigen::VectorXd& shape_coefficients)
+{
+    if (fitter_.options().focal_length_px) {
+        return;
+    }
+    {
+        const Stopwatch stopwatch(timing_.pose_us);
+        const Eigen::Matrix3Xd shape = points_.at(shape_coefficients, expression_coefficients_);
+        PairMoments all, with_depth;
+        int num_with_depth = 0;
+        for (std::size_t i = 0; i < used_.size(); ++i) {
+            const Eigen::Index column = static_cast<Eigen::Index>(i);
+            const std::optional<double> depth_px = landmarks_.landmarks[used_[i].landmark_index].depth_px;
+            const Eigen::Vector3d seen(image_points_(0, column), image_points_(1, column), depth_px.value_or(0.0));
+            all.add(weights_[column], shape.col(column), seen);
+            if (depth_px && weights_[column] > 0) {
+                with_depth.add(weights_[column], shape.col(column), seen);
+                ++num_with_depth;
+            }
+        }
+        if (!turn_camera_by_depth(all, with_depth, num_with_depth, camera_)) {
+            return;
+        }
+    }
+    fit_expression(shape_coefficients);
 }
 
 inline void FrameFit::add_to(IdentitySystem& system, const Eigen::VectorXd& shape_coefficients)

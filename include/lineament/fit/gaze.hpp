@@ -39,7 +39,9 @@ struct Gaze
 };
 
 /// From an eye's centre of rotation to its pupil [mm]; people differ by about a tenth. The centre lies about 13.5 mm
-/// behind the front of the cornea, the pupil about 3 mm.
+/// behind the front of the cornea (between 14.8 mm for turns to the side and 12.2 mm for turns up and down: Fry and
+/// Hill, The center of rotation of the eye, 1962, and The mechanics of elevating the eye, 1963), the pupil as it is
+/// seen through the cornea about 3 mm (the schematic eye of Gullstrand and Le Grand).
 inline constexpr double pupil_distance_mm = 10.5;
 
 /// The gaze of a fit of the scheme mediapipe478, whose irises (468, 473) are seen but not fitted: an eye that turns is
@@ -52,8 +54,8 @@ inline constexpr double pupil_distance_mm = 10.5;
 ///     J g = d / r + J e_z,    |g| = 1,    g towards the camera
 ///
 /// (if d is longer than an eye can turn, the g next to it). Neither the angle between the line of sight and the optical
-/// axis (about 5 degrees outwards) nor the depth of a person's eyes is known: calibrate before reading degrees as where
-/// someone looks.
+/// axis (up to 5 degrees, by Model and Eizenman on user-calibration-free gaze) nor the depth of a person's
+/// eyes is known: calibrate before reading degrees as where someone looks.
 ///
 /// @param fit  Of any scheme. Without the points of an eye, or where the head hides it (the eye's z axis is turned
 ///             from the camera by 70 degrees or more), the eye has no gaze.

@@ -26,6 +26,7 @@ set(definitions
     contour_impl.hpp
     contour_support_impl.hpp
     depth_buffer_impl.hpp
+    depth_pose_impl.hpp
     expression_impl.hpp
     face_fitter_impl.hpp
     frame_fit_impl.hpp
@@ -38,6 +39,7 @@ set(definitions
     joint_solver_impl.hpp
     landmark_use_impl.hpp
     multi_frame_impl.hpp
+    pair_moments_impl.hpp
     perspective_pose_impl.hpp
     pose_impl.hpp
     pose_step_impl.hpp

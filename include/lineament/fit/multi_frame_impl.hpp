@@ -56,6 +56,9 @@ LINEAMENT_FIT_INLINE MultiFrameResult fit_frames(const FaceFitter& fitter, std::
     }
     for (std::size_t f = 0; f < fits.size(); ++f) {
         result.num_used_frames += has_pose[f];
+        if (has_pose[f]) {
+            fits[f].turn_by_depth(alpha);
+        }
     }
     if (result.num_used_frames == 0) {
         alpha = neutral;

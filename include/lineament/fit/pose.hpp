@@ -42,6 +42,27 @@ struct PoseResult
                                        const Eigen::VectorXd& weights = {},
                                        const Eigen::Vector2d& principal_point_px = Eigen::Vector2d::Zero());
 
+/// The scaled orthographic camera of points that are seen with their depth, in closed form: with y_i = (u, v, depth),
+///
+///   (s, R, t) = argmin sum_i w_i |s R X_i + t - y_i|^2                                         docs/maths.md, Eq. (19)
+///
+/// keeps R; scale and translation are then those of Eq. (10), which leave depth out. A network that draws depth after
+/// how the head is turned knows more of the turn than where its points lie in the picture tells.
+///
+/// @param points_in_model     3 x N, mm, N >= 3, not on one line.
+/// @param seen_points         3 x N, px: image point and depth, growing away from the camera, from any origin.
+/// @param weights             N, >= 0; empty: all 1. A pair of weight 0 is absent.
+/// @param principal_point_px  Only splits the image translation.
+/// @return too_few_correspondences below three pairs of positive weight; degenerate for points on a line; implausible
+///         as estimate_pose.
+/// @throws InvalidArgument as estimate_pose.
+/// @par Reference  Umeyama, Least-Squares Estimation of Transformation Parameters Between Two Point Patterns, PAMI
+/// 1991.
+[[nodiscard]] PoseResult estimate_pose_with_depth(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                                                  const Eigen::Ref<const Eigen::Matrix3Xd>& seen_points,
+                                                  const Eigen::VectorXd& weights = {},
+                                                  const Eigen::Vector2d& principal_point_px = Eigen::Vector2d::Zero());
+
 /// The perspective camera of known focal length that minimises sum_i w_i |x_i - y_i|^2 with x of Eq. (3) and
 /// phi = s / f: damped Gauss-Newton steps on rotation, log s and tau from the start of estimate_pose.
 ///
@@ -56,6 +77,7 @@ struct PoseResult
 } // namespace lineament
 
 #ifndef LINEAMENT_COMPILED_FIT
+#include "lineament/fit/depth_pose_impl.hpp"
 #include "lineament/fit/perspective_pose_impl.hpp"
 #include "lineament/fit/pose_impl.hpp"
 #endif

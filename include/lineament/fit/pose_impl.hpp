@@ -97,14 +97,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     const Eigen::Vector2d translation_px = mean_in_image - camera.scale_px_per_mm * rotation * mean_in_model;
     camera.translation_mm = (translation_px - principal_point_px) / camera.scale_px_per_mm;
     result.rms_px = detail::weighted_rms(camera, points_in_model, image_points, weights);
-
-    // H_33 = -R_33 is the cosine between the face's forward axis and the direction to the camera.
-    if (-camera.camera_from_model(2, 2) < detail::min_facing_cosine) {
-        result.status = FitStatus::implausible;
-        result.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
-        return result;
-    }
-    result.status = FitStatus::success;
+    detail::judge_facing(result);
     return result;
 }
 

@@ -4,6 +4,7 @@
 
 #include "lineament/camera/camera.hpp"
 #include "lineament/core/checks.hpp"
+#include "lineament/fit/pose.hpp"
 
 #include <Eigen/Core>
 
@@ -43,6 +44,18 @@ inline void check_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_mode
         }
     }
     return std::sqrt(sum / weights.sum());
+}
+
+/// Success, or implausible for a face that looks away: H_33 = -R_33 is the cosine between the face's forward axis and
+/// the direction to the camera.
+inline void judge_facing(PoseResult& result)
+{
+    if (-result.camera.camera_from_model(2, 2) < min_facing_cosine) {
+        result.status = FitStatus::implausible;
+        result.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
+    } else {
+        result.status = FitStatus::success;
+    }
 }
 
 } // namespace lineament::detail

@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 namespace lineament::detail {
@@ -92,7 +93,8 @@ struct RealtimePack
     PointRows fixed_rows = {};
     std::vector<double> fixed_information = {}; ///< Weight of each before scale and confidence.
     double contour_information = 0.0;           ///< Of a matched landmark.
-    AlignedBuffer<float> identity_grams = {};   ///< Six matrices, Eq. (5), of all fixed points with these weights.
+    /// Six matrices, docs/realtime.md, Eq. (5), of all fixed points with these weights.
+    AlignedBuffer<float> identity_grams = {};
     AlignedBuffer<float> expression_grams = {};
 
     PointPanels candidates = {}; ///< Of both sides.
@@ -178,6 +180,7 @@ struct RealtimeBuffers
     std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
     std::vector<int> map_indices = {};       ///< Of each landmark given.
     std::vector<double> fixed_u = {}, fixed_v = {}, fixed_confidence = {};
+    std::vector<std::optional<double>> fixed_depth_px = {};
     std::array<std::vector<OutlineLandmark>, 2> outline = {};
 
     AlignedBuffer<float> fixed = {}, rest = {}; ///< S(a, psi).

@@ -6,6 +6,7 @@
 #define LINEAMENT_FIT_REALTIME_FIT_IMPL_HPP
 
 #include "lineament/fit/frame_fit_impl.hpp"
+#include "lineament/fit/pair_moments_impl.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
 #include <algorithm>
@@ -57,6 +58,8 @@ private:
     void set_scale();
     [[nodiscard]] bool estimate_pose();
     [[nodiscard]] bool estimate_pose_closed_form(const double* moments);
+    void update_jacobian();
+    void turn_by_depth();
     void update_residuals();
     void add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int width,
                            const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram);
@@ -122,7 +125,8 @@ inline bool RealtimeFit::read_landmarks()
     const LandmarkMap& map = reference.landmark_map();
     for (std::size_t l = 0; l < landmarks_.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks_.landmarks[l];
-        if (!landmark.point_px.allFinite() || !(landmark.confidence >= 0 && landmark.confidence <= 1)) {
+        if (!landmark.point_px.allFinite() || !std::isfinite(landmark.depth_px.value_or(0.0)) ||
+            !(landmark.confidence >= 0 && landmark.confidence <= 1)) {
             return false;
         }
         const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name;
@@ -146,6 +150,7 @@ inline bool RealtimeFit::read_landmarks()
             work_.landmark_of_fixed[entry.fixed_index] = static_cast<int>(l);
             work_.fixed_u[entry.fixed_index] = point.x();
             work_.fixed_v[entry.fixed_index] = point.y();
+            work_.fixed_depth_px[entry.fixed_index] = landmark.depth_px;
             work_.fixed_confidence[entry.fixed_index] = landmark.confidence;
             is_nominal_ = is_nominal_ && landmark.confidence == 1;
             ++num_fixed_seen_;
@@ -219,6 +224,7 @@ inline bool RealtimeFit::fit(const FitResult* start, FitResult& result)
     if (identity_status_ == FitStatus::degenerate) {
         return false;
     }
+    turn_by_depth();
     write(result, options.iterations);
     return true;
 }
@@ -339,17 +345,57 @@ inline bool RealtimeFit::estimate_pose()
         }
         camera_ = pose.camera;
     }
+    update_jacobian();
+    if (!has_scale_) {
+        has_scale_ = true;
+        set_scale();
+    }
+    return true;
+}
+
+inline void RealtimeFit::update_jacobian()
+{
     for (int row = 0; row < 2; ++row) {
         for (int column = 0; column < 3; ++column) {
             jacobian_[3 * row + column] =
                 static_cast<float>(camera_.scale_px_per_mm * camera_.camera_from_model(row, column));
         }
     }
-    if (!has_scale_) {
-        has_scale_ = true;
-        set_scale();
+}
+
+/// As FrameFit::turn_by_depth.
+inline void RealtimeFit::turn_by_depth()
+{
+    PairMoments all, with_depth;
+    int num_with_depth = 0;
+    for (int i = 0; i < pack_.fixed.num_points; ++i) {
+        const double weight = fixed_weight(i);
+        if (weight > 0) {
+            const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(work_.fixed.data() + 3 * i).cast<double>();
+            const std::optional<double>& depth_px = work_.fixed_depth_px[i];
+            const Eigen::Vector3d seen(work_.fixed_u[i], work_.fixed_v[i], depth_px.value_or(0.0));
+            all.add(weight, point, seen);
+            if (depth_px) {
+                with_depth.add(weight, point, seen);
+                ++num_with_depth;
+            }
+        }
     }
-    return true;
+    for (std::size_t i = 0; i < work_.matches.size(); ++i) {
+        const RealtimeMatch& match = work_.matches[i];
+        all.add(scale_factor_ * match.information,
+                Eigen::Map<const Eigen::Vector3f>(work_.match_positions.data() + 3 * i).cast<double>(),
+                {match.u, match.v, 0.0});
+    }
+    // Image points are relative to the principal point here.
+    Camera camera = camera_;
+    camera.principal_point_px.setZero();
+    if (turn_camera_by_depth(all, with_depth, num_with_depth, camera)) {
+        camera.principal_point_px = camera_.principal_point_px;
+        camera_ = camera;
+        update_jacobian();
+        fit_expression();
+    }
 }
 
 /// lineament::estimate_pose from sums; false where it would not be clearly a success.

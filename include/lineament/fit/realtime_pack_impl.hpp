@@ -308,6 +308,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.landmark_of_fixed.resize(num_fixed);
     buffers.map_indices.reserve(pack.map.size());
     buffers.fixed_u.resize(num_fixed);
+    buffers.fixed_depth_px.resize(num_fixed);
     buffers.fixed_v.resize(num_fixed);
     buffers.fixed_confidence.resize(num_fixed);
     buffers.fixed = AlignedBuffer<float>(pack.fixed.size());

@@ -83,7 +83,7 @@ private:
 
 /// The points that have a counterpart among the 68 iBUG landmarks, under those names: chin, eyebrows, nose, eyes, lips.
 /// The outline but for the chin has none: iBUG marks the visible edge, which no fixed point of a surface does.
-/// @param set  Scheme mediapipe478; points without a counterpart or missing are left out, confidences kept.
+/// @param set  Scheme mediapipe478; points without a counterpart or missing are left out, confidence and depth kept.
 /// @throws InvalidArgument if the scheme is another.
 [[nodiscard]] LandmarkSet ibug68_from_mediapipe(const LandmarkSet& set);
 
