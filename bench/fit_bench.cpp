@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// One whole fit with both contours and six expressions, beside a calibration kernel (multiply-adds over 4 MB), so that
-// the ratio of the two can be compared between machines. Run with --benchmark_repetitions=15
-// --benchmark_enable_random_interleaving=true and read median and spread.
+// One whole fit with both contours and six expressions, beside the calibration kernel; its parts are in parts_bench.
+// Run with --benchmark_repetitions=15 --benchmark_enable_random_interleaving=true and read median and spread.
+#include "calibration.hpp"
+
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/io/model_file.hpp"
@@ -44,14 +45,7 @@ LandmarkSet landmarks_at(double yaw_deg)
                                    random);
 }
 
-void calibration(benchmark::State& state)
-{
-    const Eigen::VectorXf values = Eigen::VectorXf::LinSpaced(1 << 20, 0.0f, 1.0f);
-    for (auto _ : state) {
-        benchmark::DoNotOptimize(values.squaredNorm());
-    }
-}
-BENCHMARK(calibration)->Unit(benchmark::kMicrosecond);
+BENCHMARK(bench::calibration)->Unit(benchmark::kMicrosecond);
 
 void fit(benchmark::State& state)
 {
@@ -62,10 +56,6 @@ void fit(benchmark::State& state)
         result = fitter.fit(landmarks, {320, 240});
         benchmark::DoNotOptimize(result.rms_px);
     }
-    state.counters["pose_us"] = result.timing.pose_us;
-    state.counters["contour_us"] = result.timing.contour_us;
-    state.counters["identity_us"] = result.timing.identity_us;
-    state.counters["expression_us"] = result.timing.expression_us;
     state.counters["vertices"] = static_cast<double>(face_model().num_vertices());
     state.SetLabel(face_model().name + " " + to_string(result.status));
 }

@@ -6,6 +6,8 @@
 // with
 // --benchmark_min_time=0.2 --benchmark_repetitions=15 --benchmark_enable_random_interleaving=true and read median and
 // spread of the processor time.
+#include "calibration.hpp"
+
 #include "lineament/fit/realtime_fitter.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
@@ -77,14 +79,6 @@ const RealtimeFitter& fitter_of(const Kernels& kernels, const FitOptions& option
         fitter = std::make_unique<RealtimeFitter>(face_model(), "ibug68", options, kernels, storage);
     }
     return *fitter;
-}
-
-void calibration(benchmark::State& state)
-{
-    const Eigen::VectorXf values = Eigen::VectorXf::LinSpaced(1 << 20, 0.0f, 1.0f);
-    for (auto _ : state) {
-        benchmark::DoNotOptimize(values.squaredNorm());
-    }
 }
 
 void reference_fit(benchmark::State& state, FitOptions options, int yaw_deg)
@@ -288,7 +282,7 @@ void register_all()
     const auto add = [](const std::string& name, auto function) {
         benchmark::RegisterBenchmark(name.c_str(), function)->Unit(benchmark::kMicrosecond);
     };
-    add("calibration", calibration);
+    add("calibration", bench::calibration);
     add("reference/front", [=](benchmark::State& state) { reference_fit(state, front, -1); });
     add("reference/front_arkit47", [=](benchmark::State& state) { reference_fit(state, front47, -1); });
     add("reference/both_yaw30", [=](benchmark::State& state) { reference_fit(state, both, 30); });

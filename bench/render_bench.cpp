@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Time of the renderer's parts on a sphere of about 7,000 triangles that fills most of a 512 x 512 picture.
+#include "calibration.hpp"
+
 #include "lineament/render/shading.hpp"
 #include "lineament/render/texture_completion.hpp"
 #include "lineament/render/texture_fusion.hpp"
@@ -134,6 +136,7 @@ void complete_texture_bench(benchmark::State& state)
     }
 }
 
+BENCHMARK(bench::calibration)->Unit(benchmark::kMillisecond);
 BENCHMARK(rasterize_bench)->Unit(benchmark::kMillisecond);
 BENCHMARK(render_depth_bench)->Unit(benchmark::kMillisecond);
 BENCHMARK(compute_visibility_bench)->Unit(benchmark::kMillisecond);

@@ -9,6 +9,7 @@
 #include "lineament/render/contact_sheet.hpp"
 #include "lineament/render/draw.hpp"
 #include "lineament/render/shading.hpp"
+#include "lineament/render/texture_layout.hpp"
 
 #include <cstdio>
 
@@ -154,16 +155,7 @@ ImageU8 isomap(const MorphableModel& model, const SheetOptions& options)
     if (triangles.cols() == 0) {
         throw Failure(wrong_use, "--what isomap: the model has no uv layout");
     }
-    const int size = 3 * options.tile_px;
-    ImageU8 image(size, size, 3, 255);
-    for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
-        for (int corner = 0; corner < 3; ++corner) {
-            const Eigen::Vector2d a = model.uv_coordinates.col(triangles(corner, t)).cast<double>() * size;
-            const Eigen::Vector2d b = model.uv_coordinates.col(triangles((corner + 1) % 3, t)).cast<double>() * size;
-            draw_line(image, a, b, {40, 70, 120}, 1.0);
-        }
-    }
-    return image;
+    return draw_uv_layout(model.uv_coordinates, triangles, 3 * options.tile_px);
 }
 
 std::vector<Tile> landmarks(const MorphableModel& model, const SheetOptions& options)

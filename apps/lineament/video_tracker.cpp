@@ -21,6 +21,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <limits>
 
 namespace lineament::cli {
 
@@ -112,8 +114,9 @@ struct VideoTracker::SeenFrame
     double time_s = 0.0;
     bool has_face = false;
     double confidence = 0.0;
-    Eigen::Matrix2Xf points_px = {}; ///< Of the landmarks, whose names are the same in all frames.
-    FitResult fit = {};              ///< Of this frame alone, without its landmarks.
+    /// Image point and depth (NaN: none) of the landmarks, whose names are the same in all frames.
+    Eigen::Matrix3Xf points_px = {};
+    FitResult fit = {}; ///< Of this frame alone, without its landmarks.
 };
 
 std::vector<std::string> track_file_names()
@@ -150,9 +153,11 @@ std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoIn
             landmarks_ = fitters_.in_scheme_of_model(face->landmarks);
             now.has_face = true;
             now.confidence = face->confidence;
-            now.points_px.resize(2, static_cast<Eigen::Index>(landmarks_.landmarks.size()));
+            now.points_px.resize(3, static_cast<Eigen::Index>(landmarks_.landmarks.size()));
             for (Eigen::Index i = 0; i < now.points_px.cols(); ++i) {
-                now.points_px.col(i) = landmarks_.landmarks[static_cast<std::size_t>(i)].point_px.cast<float>();
+                const Landmark& landmark = landmarks_.landmarks[static_cast<std::size_t>(i)];
+                now.points_px.col(i) << landmark.point_px.cast<float>(),
+                    static_cast<float>(landmark.depth_px.value_or(std::numeric_limits<double>::quiet_NaN()));
             }
             now.fit = fitters_.fit_frame(landmarks_, principal_point);
             now.fit.landmarks = {};
@@ -179,7 +184,9 @@ LandmarkSet VideoTracker::landmarks_of(const SeenFrame& frame) const
 {
     LandmarkSet set = landmarks_;
     for (std::size_t i = 0; i < set.landmarks.size(); ++i) {
-        set.landmarks[i].point_px = frame.points_px.col(static_cast<Eigen::Index>(i)).cast<double>();
+        const Eigen::Vector3d point = frame.points_px.col(static_cast<Eigen::Index>(i)).cast<double>();
+        set.landmarks[i].point_px = point.head<2>();
+        set.landmarks[i].depth_px = std::isnan(point.z()) ? std::nullopt : std::optional(point.z());
     }
     return set;
 }

@@ -8,6 +8,7 @@
 #include "lineament/io/model_file.hpp"
 #include "lineament/render/contact_sheet.hpp"
 #include "lineament/render/shading.hpp"
+#include "lineament/render/texture_layout.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -288,6 +289,8 @@ int main(int argc, char** argv)
         draw_modes(model, folder);
         draw_samples(model, folder);
         draw_expressions(model, folder);
+        save_png(folder / "model-isomap.png",
+                 draw_uv_layout(model.uv_coordinates, model.levels.back().uv_triangles, 640));
         print_figures(model);
     } catch (const std::exception& error) {
         std::fprintf(stderr, "lineament-draw-default-model: error: %s\n", error.what());

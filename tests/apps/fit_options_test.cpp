@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/rendered_face.hpp"
 #include "apps/run_program.hpp"
+#include "support/rendered_person.hpp"
 
 #include "support/gltf_validator.hpp"
 

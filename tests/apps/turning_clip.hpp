@@ -4,7 +4,7 @@
 // A clip of a rendered person who turns the head, leaves the picture, and comes back.
 #pragma once
 
-#include "apps/rendered_face.hpp"
+#include "support/rendered_person.hpp"
 
 #include "lineament/vision/video_writer.hpp"
 

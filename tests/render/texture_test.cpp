@@ -56,6 +56,22 @@ TEST(TextureLayout, MapsEachTexelToItsPointOnce)
     EXPECT_NEAR(layout.texel_areas().sum(), 2500, 1e-2);
 }
 
+TEST(DrawUvLayout, DrawsTheEdgesAndNothingElse)
+{
+    Eigen::Matrix2Xf uv(2, 3);
+    uv << 0.1f, 0.9f, 0.1f, 0.1f, 0.1f, 0.9f;
+    const Eigen::Matrix3Xi triangle = Eigen::Vector3i(0, 1, 2);
+    const ImageU8 picture = draw_uv_layout(uv, triangle, 100);
+    const auto is_white = [&](int column, int row) { return *picture.pixel(column, row) == 255; };
+    EXPECT_FALSE(is_white(50, 10) && is_white(50, 9)) << "upper side";
+    EXPECT_FALSE(is_white(10, 50) && is_white(9, 50)) << "left side";
+    EXPECT_FALSE(is_white(50, 50) && is_white(49, 50)) << "slope";
+    EXPECT_TRUE(is_white(30, 30)) << "inside";
+    EXPECT_TRUE(is_white(70, 70)) << "outside";
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)draw_uv_layout(uv.leftCols(2), triangle, 100); }, "uv_triangles"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)draw_uv_layout(uv, triangle, 0); }, "size"));
+}
+
 TEST(TextureLayout, ExcludedGroupsStayUnmapped)
 {
     Mesh plane = make_plane(40, 20, 0, 2, 1);

@@ -17,8 +17,9 @@ public:
     /// @param seen       3 x V: x, y and depth (larger is farther), of which only vertices of triangles are read.
     /// @param triangles  3 x T; those that face away are drawn too, so orientation does not matter.
     /// @param low, high  The box of the image plane that is kept.
+    /// @param farthest   Depths that are asked for; a triangle behind all of them need not be drawn.
     DepthBuffer(const Eigen::Matrix3Xf& seen, const Eigen::Matrix3Xi& triangles, const Eigen::Vector2f& low,
-                const Eigen::Vector2f& high, float cell_size)
+                const Eigen::Vector2f& high, float farthest, float cell_size)
         : inverse_cell_(1.0f / cell_size), origin_(low)
     {
         // A face is some 250 mm wide; the limit keeps the buffer small whatever the shape.
@@ -26,8 +27,10 @@ public:
         rows_ = static_cast<int>(std::min((high.y() - low.y()) * inverse_cell_ + 1, 1024.0f));
         depths_ = Eigen::MatrixXf::Constant(columns_, rows_, std::numeric_limits<float>::infinity());
         for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
-            draw(to_cells(seen.col(triangles(0, t))), to_cells(seen.col(triangles(1, t))),
-                 to_cells(seen.col(triangles(2, t))));
+            const auto a = seen.col(triangles(0, t)), b = seen.col(triangles(1, t)), c = seen.col(triangles(2, t));
+            if (std::min({a.z(), b.z(), c.z()}) < farthest) {
+                draw(to_cells(a), to_cells(b), to_cells(c));
+            }
         }
     }
 
@@ -60,14 +63,16 @@ private:
         const int top = to_cell(std::min({a.y(), b.y(), c.y()}), rows_);
         const int bottom = to_cell(std::max({a.y(), b.y(), c.y()}), rows_);
         const float inverse_area = 1.0f / area;
+        const Eigen::Vector3f to_b = b - a, to_c = c - a;
         for (int row = top; row < bottom; ++row) {
+            const float y = static_cast<float>(row) + 0.5f - a.y();
+            const float y_of_b = y * to_c.x(), y_of_c = to_b.x() * y;
             for (int column = left; column < right; ++column) {
-                const float x = static_cast<float>(column) + 0.5f;
-                const float y = static_cast<float>(row) + 0.5f;
-                const float of_b = ((x - a.x()) * (c.y() - a.y()) - (y - a.y()) * (c.x() - a.x())) * inverse_area;
-                const float of_c = ((b.x() - a.x()) * (y - a.y()) - (b.y() - a.y()) * (x - a.x())) * inverse_area;
+                const float x = static_cast<float>(column) + 0.5f - a.x();
+                const float of_b = (x * to_c.y() - y_of_b) * inverse_area;
+                const float of_c = (y_of_c - to_b.y() * x) * inverse_area;
                 if (of_b >= 0 && of_c >= 0 && of_b + of_c <= 1) {
-                    const float depth = a.z() + of_b * (b.z() - a.z()) + of_c * (c.z() - a.z());
+                    const float depth = a.z() + of_b * to_b.z() + of_c * to_c.z();
                     depths_(column, row) = std::min(depths_(column, row), depth);
                 }
             }

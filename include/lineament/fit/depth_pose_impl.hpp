@@ -41,7 +41,12 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose_with_depth(const Eigen::Ref<const 
         return result;
     }
     result.rms_px = detail::weighted_rms(result.camera, points_in_model, seen_points.topRows<2>(), weights);
-    detail::judge_facing(result);
+    if (detail::looks_away(result.camera.camera_from_model)) {
+        result.status = FitStatus::implausible;
+        result.reason = detail::looks_away_reason;
+        return result;
+    }
+    result.status = FitStatus::success;
     return result;
 }
 

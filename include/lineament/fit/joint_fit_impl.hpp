@@ -272,9 +272,9 @@ inline void JointFit::judge(JointFramesResult& result) const
         FitResult& fit = result.frames[f].fit;
         fit.status = result.status;
         fit.reason = result.reason;
-        if (-fit.camera.camera_from_model(2, 2) < min_facing_cosine) {
+        if (looks_away(fit.camera.camera_from_model)) {
             fit.status = FitStatus::implausible;
-            fit.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
+            fit.reason = looks_away_reason;
         }
     }
 }

@@ -81,7 +81,7 @@ struct PairMoments
         return false;
     }
     const std::optional<Eigen::Matrix3d> rotation = rotation_with_depth(with_depth);
-    return rotation && -(*rotation)(2, 2) >= min_facing_cosine && place(*rotation, all, camera);
+    return rotation && !looks_away(*rotation) && place(*rotation, all, camera);
 }
 
 } // namespace lineament::detail

@@ -79,9 +79,9 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose_perspective(const Eigen::Ref<const
     }
     result.camera = camera;
     result.rms_px = rms;
-    if (-camera.camera_from_model(2, 2) < detail::min_facing_cosine) {
+    if (detail::looks_away(camera.camera_from_model)) {
         result.status = FitStatus::implausible;
-        result.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
+        result.reason = detail::looks_away_reason;
     }
     return result;
 }

@@ -4,7 +4,6 @@
 
 #include "lineament/camera/camera.hpp"
 #include "lineament/core/checks.hpp"
-#include "lineament/fit/pose.hpp"
 
 #include <Eigen/Core>
 
@@ -46,16 +45,13 @@ inline void check_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_mode
     return std::sqrt(sum / weights.sum());
 }
 
-/// Success, or implausible for a face that looks away: H_33 = -R_33 is the cosine between the face's forward axis and
-/// the direction to the camera.
-inline void judge_facing(PoseResult& result)
+inline constexpr const char* looks_away_reason =
+    "the face looks away from the camera; are the landmarks mirrored or swapped?";
+
+/// H_33 = -R_33 is the cosine between the face's forward axis and the direction to the camera.
+[[nodiscard]] inline bool looks_away(const Eigen::Matrix3d& camera_from_model)
 {
-    if (-result.camera.camera_from_model(2, 2) < min_facing_cosine) {
-        result.status = FitStatus::implausible;
-        result.reason = "the face looks away from the camera; are the landmarks mirrored or swapped?";
-    } else {
-        result.status = FitStatus::success;
-    }
+    return -camera_from_model(2, 2) < min_facing_cosine;
 }
 
 } // namespace lineament::detail

@@ -139,14 +139,14 @@ ContourModel::silhouette_vertices(const Eigen::Ref<const Eigen::Matrix3Xf>& shap
     if (vertices.empty()) {
         return vertices;
     }
-    Eigen::Vector2f low = seen.col(vertices.front()).head<2>(); // depths are asked for in this box only
-    Eigen::Vector2f high = low;
+    Eigen::Vector3f low = seen.col(vertices.front()); // depths are asked for in this box only
+    Eigen::Vector3f high = low;
     for (const int vertex : vertices) {
-        low = low.cwiseMin(seen.col(vertex).head<2>());
-        high = high.cwiseMax(seen.col(vertex).head<2>());
+        low = low.cwiseMin(seen.col(vertex));
+        high = high.cwiseMax(seen.col(vertex));
     }
-    const detail::DepthBuffer buffer(seen, occluders_, low, high, 2.0f);
     const float depth_mm = static_cast<float>(occlusion_depth_mm);
+    const detail::DepthBuffer buffer(seen, occluders_, low.head<2>(), high.head<2>(), high.z() - depth_mm, 2.0f);
     std::erase_if(vertices, [&](int vertex) {
         return buffer.depth_at(seen(0, vertex), seen(1, vertex)) < seen(2, vertex) - depth_mm;
     });

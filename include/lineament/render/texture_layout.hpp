@@ -5,6 +5,7 @@
 #include "lineament/core/image.hpp"
 #include "lineament/core/mesh.hpp"
 #include "lineament/render/checks.hpp"
+#include "lineament/render/draw.hpp"
 #include "lineament/render/triangle_coverage.hpp"
 
 #include <Eigen/Core>
@@ -102,6 +103,29 @@ inline TextureLayout::TextureLayout(const Mesh& mesh, int size, const std::vecto
                                    }
                                });
     }
+}
+
+/// The edges of a uv layout on white, size x size, RGB.
+/// @param uv_coordinates  2 x N, in [0, 1], v down.
+/// @param uv_triangles    3 x T, columns of uv_coordinates.
+/// @throws InvalidArgument for a size below 1 or an index out of range.
+[[nodiscard]] inline ImageU8 draw_uv_layout(const Eigen::Ref<const Eigen::Matrix2Xf>& uv_coordinates,
+                                            const Eigen::Ref<const Eigen::Matrix3Xi>& uv_triangles, int size)
+{
+    require(size >= 1, "draw_uv_layout", "size", "at least 1", std::to_string(size));
+    const Color ink = {40, 70, 120};
+    ImageU8 picture(size, size, 3, 255);
+    for (Eigen::Index t = 0; t < uv_triangles.cols(); ++t) {
+        for (int corner = 0; corner < 3; ++corner) {
+            const int from = uv_triangles(corner, t), to = uv_triangles((corner + 1) % 3, t);
+            require(std::min(from, to) >= 0 && std::max(from, to) < uv_coordinates.cols(), "draw_uv_layout",
+                    "uv_triangles", "indices below " + std::to_string(uv_coordinates.cols()),
+                    std::to_string(from) + ", " + std::to_string(to));
+            draw_line(picture, uv_coordinates.col(from).cast<double>() * size,
+                      uv_coordinates.col(to).cast<double>() * size, ink, 1.0);
+        }
+    }
+    return picture;
 }
 
 } // namespace lineament
