@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How many annotated faces the detector finds and how far its landmarks lie from the annotation.
+// How many annotated faces the detector finds, how far its landmarks lie from the annotation, also by yaw, and how much
+// they tremble in videos.
 //   detector_bench DATA     DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/video/*.mp4
 // Times of detection and following are processor times, those of decoding are wall times on all cores.
+#include "detector_measures.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/vision/face_detector.hpp"
 #include "lineament/vision/video.hpp"
@@ -12,6 +14,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <optional>
 
 namespace {
 
@@ -81,7 +84,7 @@ double milliseconds_since(std::chrono::steady_clock::time_point start)
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
 
-void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& calibration)
+void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& calibration, ErrorsByYaw& by_yaw)
 {
     int annotated = 0;
     int unannotated = 0;
@@ -99,12 +102,15 @@ void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& ca
             const auto error = [&](const DetectedFace& face) { return error_percent(face.landmarks, truth); };
             const auto best = std::min_element(faces.begin(), faces.end(),
                                                [&](const auto& a, const auto& b) { return error(a) < error(b); });
-            if (best != faces.end() && error(*best) < other_face_percent) {
+            const bool is_found = best != faces.end() && error(*best) < other_face_percent;
+            if (is_found) {
                 inner.push_back(error(*best));
                 all.push_back(error_percent(best->landmarks, truth, 1));
                 --unannotated;
                 calibration.add(detector, picture, faces, *best);
             }
+            by_yaw.add(truth, 0.5 * Eigen::Vector2d(picture.width, picture.height),
+                       is_found ? std::optional(error(*best)) : std::nullopt);
         }
     }
     std::printf("%-18s %9d %6zu %12d %9.2f %7.2f %8.0f\n", folder.filename().c_str(), annotated, inner.size(),
@@ -120,6 +126,7 @@ void measure_video(FaceDetector& detector, const fs::path& path)
     double decode_ms = 0.0;
     std::vector<double> follow_ms;
     std::optional<DetectedFace> face;
+    Jitter jitter;
     while (true) {
         const auto start = std::chrono::steady_clock::now();
         const std::optional<VideoFrame> frame = reader.next();
@@ -141,9 +148,10 @@ void measure_video(FaceDetector& detector, const fs::path& path)
                 face = faces.front();
             }
         }
+        jitter.add(face ? std::optional(face->landmarks) : std::nullopt);
     }
-    std::printf("%-32s %6d %8d %10d %10.0f %9.1f\n", path.filename().c_str(), frames, followed, detections,
-                1000.0 * frames / decode_ms, median(follow_ms));
+    std::printf("%-32s %6d %8d %10d %10.0f %9.1f %8.2f\n", path.filename().c_str(), frames, followed, detections,
+                1000.0 * frames / decode_ms, median(follow_ms), jitter.percent());
 }
 
 } // namespace
@@ -156,16 +164,19 @@ int main(int count, char** arguments)
     }
     try {
         const fs::path data = arguments[1];
-        FaceDetector detector;
+        std::optional<FaceDetector> detector;
+        print_loading(detector);
+        ErrorsByYaw by_yaw;
         std::printf("set                annotated  found other_faces inner51_%%  all68_%% ms/photo   (medians)\n");
         Calibration calibration;
         for (const char* set : photo_sets) {
-            measure_set(detector, data / "images" / set, calibration);
+            measure_set(*detector, data / "images" / set, calibration, by_yaw);
         }
         calibration.print();
-        std::printf("\nvideo                            frames followed detections decode_fps follow_ms\n");
+        by_yaw.print();
+        std::printf("\nvideo                            frames followed detections decode_fps follow_ms jitter_%%\n");
         for (const auto& entry : fs::directory_iterator(data / "video")) {
-            measure_video(detector, entry.path());
+            measure_video(*detector, entry.path());
         }
     } catch (const std::exception& error) {
         std::fprintf(stderr, "detector_bench: error: %s\n", error.what());

@@ -1,8 +1,10 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// How many annotated faces the mesh detector finds, how far its inner 51 points lie from the annotation, what it costs.
+// How many annotated faces the mesh detector finds, how far its inner 51 points lie from the annotation, also by yaw,
+// how much they tremble in videos, what it costs.
 //   mesh_detector_bench DATA     DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/video/*.mp4
+#include "detector_measures.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 #include "lineament/vision/video.hpp"
@@ -10,23 +12,14 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <fstream>
+#include <optional>
 
 namespace {
 
 using namespace lineament;
 using namespace lineament::bench;
 
-double resident_megabytes()
-{
-    std::ifstream file("/proc/self/statm");
-    double total = 0.0;
-    double resident = 0.0;
-    file >> total >> resident;
-    return resident * 4096.0 / 1e6;
-}
-
-void measure_set(MeshDetector& detector, const fs::path& folder)
+void measure_set(MeshDetector& detector, const fs::path& folder, ErrorsByYaw& by_yaw)
 {
     int annotated = 0;
     int unannotated = 0;
@@ -44,10 +37,13 @@ void measure_set(MeshDetector& detector, const fs::path& folder)
             for (const MeshFace& face : faces) {
                 best = std::min(best, error_percent(ibug68_from_mediapipe(face.landmarks), truth));
             }
-            if (best < other_face_percent) {
+            const bool is_found = best < other_face_percent;
+            if (is_found) {
                 errors.push_back(best);
                 --unannotated;
             }
+            by_yaw.add(truth, 0.5 * Eigen::Vector2d(picture.width, picture.height),
+                       is_found ? std::optional(best) : std::nullopt);
         }
     }
     std::printf("%-18s %9d %6zu %12d %9.2f %8.2f\n", folder.filename().c_str(), annotated, errors.size(), unannotated,
@@ -64,6 +60,7 @@ void measure_video(MeshDetector& detector, const fs::path& path)
     std::vector<double> detect_ms;
     MeshFace face;
     bool found = false;
+    Jitter jitter;
     while (const std::optional<VideoFrame> frame = reader.next()) {
         ++frames;
         double start_ms = thread_ms();
@@ -82,9 +79,10 @@ void measure_video(MeshDetector& detector, const fs::path& path)
                 face = faces.front();
             }
         }
+        jitter.add(found ? std::optional(ibug68_from_mediapipe(face.landmarks)) : std::nullopt);
     }
-    std::printf("%-32s %6d %8d %10d %9.2f %9.2f\n", path.filename().c_str(), frames, followed, detections,
-                median(follow_ms), median(detect_ms));
+    std::printf("%-32s %6d %8d %10d %9.2f %9.2f %8.2f\n", path.filename().c_str(), frames, followed, detections,
+                median(follow_ms), median(detect_ms), jitter.percent());
 }
 
 } // namespace
@@ -97,20 +95,18 @@ int main(int count, char** arguments)
     }
     try {
         const fs::path data = arguments[1];
-        const double memory_before = resident_megabytes();
-        const double start_ms = thread_ms();
-        MeshDetector detector;
-        std::printf("loaded in %.1f ms", thread_ms() - start_ms);
-        (void)detector.detect(ImageU8(640, 480, 3));
-        std::printf(", %.1f MB resident\n\n", resident_megabytes() - memory_before);
+        std::optional<MeshDetector> detector;
+        print_loading(detector);
+        ErrorsByYaw by_yaw;
         std::printf("set                annotated  found other_faces inner51_%% ms/photo   (medians)\n");
         for (const char* set : photo_sets) {
-            measure_set(detector, data / "images" / set);
+            measure_set(*detector, data / "images" / set, by_yaw);
         }
-        std::printf("\nvideo                            frames followed detections follow_ms detect_ms\n");
+        by_yaw.print();
+        std::printf("\nvideo                            frames followed detections follow_ms detect_ms jitter_%%\n");
         for (const auto& entry : fs::directory_iterator(data / "video")) {
             if (entry.path().extension() != ".md") {
-                measure_video(detector, entry.path());
+                measure_video(*detector, entry.path());
             }
         }
     } catch (const std::exception& error) {

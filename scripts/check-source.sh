@@ -49,6 +49,22 @@ for file in $sources; do
     esac
 done
 
+# What of Eigen a header uses it includes itself; definitions (*_impl.hpp) may leave Eigen/Core to their declarations.
+while read -r header pattern; do
+    for file in $(grep -E '^include/' <<< "$sources" | xargs grep -lE "$pattern"); do
+        case "$header,$file" in Core,*_impl.hpp) continue ;; Core,*) any=Eigen/ ;; *) any="Eigen/($header|Dense)>" ;; esac
+        grep -qE "#include <$any" "$file" || complain "$file: uses $pattern without #include <Eigen/$header>"
+    done
+done << 'EOF'
+Core Eigen::
+Cholesky \.llt\(\)|\.ldlt\(\)|Eigen::LLT|Eigen::LDLT
+Eigenvalues SelfAdjointEigenSolver
+Geometry AngleAxis|Quaternion|AlignedBox|\.cross\(
+LU PivLu|\.determinant\(\)|\.inverse\(\)
+QR [hH]ouseholderQ[rR]
+SVD JacobiSVD|BDCSVD
+EOF
+
 # The locale must not change a number: no locale-dependent conversion outside of messages.
 grep -nE '\b(strtod|strtof|stof|stod|atof|setlocale)\b' $(grep -E '^(include|src|apps)/' <<< "$sources") && complain "use std::from_chars"
 if [ "$failures" -gt 0 ]; then

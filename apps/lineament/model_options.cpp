@@ -25,7 +25,7 @@ void add_model_options(CLI::App& command, ModelOptions& options)
     command
         .add_option("--contour", options.contour,
                     "The 16 outline landmarks: matched on both sides, on the sides that face the camera, tied to fixed "
-                    "points, or ignored.")
+                    "points, or ignored. The 478 points of mediapipe have none.")
         ->check(CLI::IsMember({"ignored", "fixed", "front", "both"}))
         ->capture_default_str();
     command

@@ -206,6 +206,30 @@ LandmarkSet outline_landmarks(const ContourModel& contour, const Camera& camera,
     return set;
 }
 
+TEST(MatchContour, NamesTheCandidatesThatLandmarksWerePutOn)
+{
+    const ContourModel contour(model());
+    const Camera camera = camera_at(25); // the right side faces the camera
+    const std::vector<int>& candidates = contour.candidates(FaceSide::right);
+    ASSERT_GE(candidates.size(), 8u);
+    LandmarkSet landmarks;
+    std::vector<int> planted;
+    for (int i = 1; i <= 8; ++i) {
+        const int vertex = candidates[static_cast<std::size_t>(i - 1) * (candidates.size() - 1) / 7];
+        const Eigen::Vector3d point = mean_vertices().col(vertex).cast<double>();
+        landmarks.landmarks.push_back({std::to_string(i), camera.project(point)});
+        planted.push_back(vertex);
+    }
+    ContourOptions options;
+    options.occluding_match = OccludingMatch::none;
+    const ContourMatches found =
+        match_contour(contour, mean_vertices(), camera, landmarks, ContourView::frontal, options);
+    ASSERT_EQ(found.matches.size(), 8u);
+    for (const ContourMatch& match : found.matches) {
+        EXPECT_EQ(match.vertex, planted[static_cast<std::size_t>(match.landmark_index)]);
+    }
+}
+
 TEST(MatchContour, TiesLandmarksToTheVerticesTheyWereMadeFrom)
 {
     const ContourModel contour(model());

@@ -2,10 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/fit/face_fitter.hpp"
 
+#include "lineament/camera/angles.hpp"
+#include "lineament/fit/contour.hpp"
+
 #include "support/matchers.hpp"
 #include "support/planted_face.hpp"
 
+#include <Eigen/Cholesky>
+
 #include <algorithm>
+#include <array>
 #include <limits>
 
 namespace lineament {
@@ -104,6 +110,83 @@ TEST(FaceFitter, AnswerDoesNotDependOnImageResolution)
     EXPECT_THAT(
         published.fit(scaled, 4 * planted.camera.principal_point_px).shape_coefficients,
         Not(IsNear(published.fit(planted.landmarks, planted.camera.principal_point_px).shape_coefficients, 1e-2)));
+}
+
+TEST(FaceFitter, PublishedPriorWeighs30AtAVarianceOf3SquarePixels)
+{
+    Random random(341);
+    FitOptions options = FitOptions::published_prior();
+    options.contour = ContourMode::fixed;
+    options.expression_set = "";
+    options.iterations = 1;
+    const PlantedFace planted = plant_moderate_face(random, 1.0);
+    const FitResult fit = fit_face(synthetic_face(), planted.landmarks, planted.camera.principal_point_px, options);
+    // (A^T A / 3 + 30 I) a = -A^T b / 3 with the camera of the one round, written out.
+    const LandmarkMap& map = synthetic_face().landmark_maps[0];
+    const auto points_of = [&](const Eigen::VectorXf& shape) {
+        return Eigen::Matrix3Xd(
+            map.points_on(Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, shape.size() / 3)).cast<double>());
+    };
+    const Eigen::MatrixXf basis = synthetic_face().shape.rescaled_basis();
+    const Eigen::Matrix<double, 2, 3> jacobian = fit.camera.scale_px_per_mm * fit.camera.camera_from_model.topRows<2>();
+    const Eigen::Matrix3Xd mean = points_of(synthetic_face().shape.mean);
+    Eigen::MatrixXd a(2 * mean.cols(), basis.cols());
+    for (Eigen::Index j = 0; j < basis.cols(); ++j) {
+        a.col(j) = Eigen::MatrixXd(jacobian * points_of(basis.col(j))).reshaped();
+    }
+    Eigen::Matrix2Xd b = fit.camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(mean));
+    for (Eigen::Index l = 0; l < b.cols(); ++l) {
+        b.col(l) -= planted.landmarks.find(map.names[l])->point_px;
+    }
+    Eigen::MatrixXd system = a.transpose() * a / 3;
+    system.diagonal().array() += 30;
+    const Eigen::VectorXd right_side = -a.transpose() * b.reshaped() / 3;
+    EXPECT_THAT(fit.shape_coefficients, IsNear(system.llt().solve(right_side), 1e-5));
+    // The twin: another weight is another face.
+    system.diagonal().array() -= 3;
+    EXPECT_THAT(fit.shape_coefficients, Not(IsNear(system.llt().solve(right_side), 1e-3)));
+}
+
+TEST(FaceFitter, ContourFindsTheJawThatPointsOnTheOutlineShow)
+{
+    // Outline landmarks put where the planted face's silhouette is seen tell of the face; leaving them out is worse.
+    Random random(342);
+    const ContourModel contour(synthetic_face());
+    std::array<double, 2> distance = {};
+    for (int trial = 0; trial < 24; ++trial) {
+        PlantedFace planted = plant_moderate_face(random, 0.5);
+        planted.camera.camera_from_model = rotation_from_angles({radians(trial % 2 ? 35.0 : -35.0), 0, 0});
+        const Eigen::VectorXf shape = synthetic_face().shape.instance(planted.alpha) +
+                                      synthetic_face().expression_sets[0].displacement(planted.psi);
+        const Eigen::Matrix3Xf vertices =
+            Eigen::Map<const Eigen::Matrix3Xf>(shape.data(), 3, synthetic_face().num_vertices());
+        const FaceSide away = trial % 2 ? FaceSide::left : FaceSide::right;
+        planted.landmarks = test::project_landmarks(synthetic_face(), "ibug68", planted.alpha, planted.psi,
+                                                    planted.camera, 0.5, random);
+        Eigen::Matrix2Xd seen(2, 0);
+        for (const int vertex : contour.silhouette_vertices(vertices, planted.camera, away)) {
+            seen.conservativeResize(2, seen.cols() + 1);
+            seen.rightCols<1>() = planted.camera.project(Eigen::Vector3d(vertices.col(vertex).cast<double>()));
+        }
+        ASSERT_GE(seen.cols(), 8);
+        for (Landmark& landmark : planted.landmarks.landmarks) {
+            if (outline_side(landmark.name) == away) {
+                Eigen::Index nearest;
+                (seen.colwise() - landmark.point_px).colwise().squaredNorm().minCoeff(&nearest);
+                landmark.point_px = seen.col(nearest);
+            }
+        }
+        const std::array modes = {ContourMode::both, ContourMode::ignored};
+        for (std::size_t m = 0; m < modes.size(); ++m) {
+            FitOptions options;
+            options.contour = modes[m];
+            const FitResult fit =
+                fit_face(synthetic_face(), planted.landmarks, planted.camera.principal_point_px, options);
+            ASSERT_EQ(fit.status, FitStatus::success) << fit.reason;
+            distance[m] += test::neutral_distance_mm(fit.shape_coefficients, planted.alpha);
+        }
+    }
+    EXPECT_LT(distance[0], 0.97 * distance[1]);
 }
 
 TEST(FaceFitter, OrderOfLandmarksDoesNotMatter)

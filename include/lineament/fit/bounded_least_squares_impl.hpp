@@ -6,6 +6,8 @@
 
 #include "lineament/fit/inline.hpp"
 
+#include <Eigen/Cholesky>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

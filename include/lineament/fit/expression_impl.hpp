@@ -9,6 +9,8 @@
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
+#include <Eigen/LU>
+
 #include <cmath>
 
 namespace lineament {

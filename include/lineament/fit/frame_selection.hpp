@@ -5,6 +5,8 @@
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/fit_result.hpp"
 
+#include <Eigen/Core>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

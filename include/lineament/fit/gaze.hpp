@@ -5,6 +5,8 @@
 #include "lineament/fit/fit_result.hpp"
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>

@@ -10,6 +10,8 @@
 #include "lineament/fit/joint_solver_impl.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
+#include <Eigen/Cholesky>
+
 #include <cmath>
 #include <numeric>
 #include <utility>

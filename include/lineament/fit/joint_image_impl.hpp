@@ -10,6 +10,9 @@
 #include "lineament/fit/joint_problem_impl.hpp"
 #include "lineament/fit/landmark_use_impl.hpp"
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
 #include <algorithm>
 #include <optional>
 #include <utility>

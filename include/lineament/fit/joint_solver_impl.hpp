@@ -7,6 +7,8 @@
 
 #include "lineament/fit/joint_problem_impl.hpp"
 
+#include <Eigen/Cholesky>
+
 #include <algorithm>
 #include <utility>
 

@@ -4,6 +4,8 @@
 
 #include "lineament/fit/bounded_least_squares.hpp"
 
+#include <Eigen/Core>
+
 #include <limits>
 
 namespace lineament {

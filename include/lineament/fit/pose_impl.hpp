@@ -7,7 +7,9 @@
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include <cmath>

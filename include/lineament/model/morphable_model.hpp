@@ -7,6 +7,8 @@
 #include "lineament/model/landmark_map.hpp"
 #include "lineament/model/pca_model.hpp"
 
+#include <Eigen/Core>
+
 #include <map>
 #include <optional>
 #include <string>

@@ -5,6 +5,8 @@
 #include "lineament/render/shading.hpp" // IWYU pragma: keep
 #include "lineament/render/visibility.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -8,6 +8,7 @@
 #include "lineament/render/visibility.hpp"
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include <cstdint>
 #include <optional>

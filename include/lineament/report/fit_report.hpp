@@ -4,6 +4,8 @@
 
 #include "lineament/report/face_view.hpp"
 
+#include <Eigen/Core>
+
 #include <optional>
 #include <string>
 #include <vector>
