@@ -89,8 +89,9 @@ function(lineament_test module)
 endfunction()
 
 # Target lineament_headers compiles every public header alone. Eigen, most of the time, is precompiled: a missing header
-# of Eigen is for scripts/check-source.sh to notice, a standard header that comes with Eigen is not noticed. Where lineament::fit is built, headers are seen
-# as it shows them, without the solvers' definitions; tests/package/plain/fit.cpp compiles those.
+# of Eigen is for scripts/check-source.sh to notice, a standard header that comes with Eigen is not noticed. Where
+# lineament::fit is built, headers are seen as it shows them, without the solvers' definitions;
+# tests/package/plain/fit.cpp compiles those.
 function(lineament_check_headers)
     get_property(headers GLOBAL PROPERTY LINEAMENT_PUBLIC_HEADERS)
     get_property(targets GLOBAL PROPERTY LINEAMENT_HEADER_TARGETS)

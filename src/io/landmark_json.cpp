@@ -98,12 +98,14 @@ LandmarkFrame read_mesh(const JsonReader& points, MediapipeUnits units, const La
         const bool is_array = point.value().is_array();
         const double x = read_coordinate(is_array ? point.element(0) : point.member("x"));
         const double y = read_coordinate(is_array ? point.element(1) : point.member("y"));
-        const bool has_depth = is_array ? point.size() > 2 : point.has("z");
-        const double z = !has_depth ? 0.0 : read_coordinate(is_array ? point.element(2) : point.member("z"));
-        is_flat = is_flat && z == 0.0;
+        std::optional<double> depth_px;
+        if (is_array ? point.size() > 2 : point.has("z")) {
+            depth_px = width * read_coordinate(is_array ? point.element(2) : point.member("z"));
+            is_flat = is_flat && *depth_px == 0.0;
+        }
         const std::string name = is_ibug68 ? ibug68_name_of_mediapipe_point(static_cast<int>(i)) : std::to_string(i);
         if (!name.empty()) {
-            frame.set.landmarks.push_back({name, {x * width, y * height}, 1.0, z * width});
+            frame.set.landmarks.push_back({name, {x * width, y * height}, 1.0, depth_px});
         }
     }
     if (is_flat) { // written without depth

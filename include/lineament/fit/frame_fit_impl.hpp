@@ -204,7 +204,9 @@ inline bool FrameFit::estimate_pose(const Eigen::VectorXd& shape_coefficients)
 
 inline void FrameFit::turn_by_depth(const Eigen::VectorXd& shape_coefficients)
 {
-    if (fitter_.options().focal_length_px) {
+    const auto has_depth = [](const Landmark& landmark) { return landmark.depth_px.has_value(); };
+    if (fitter_.options().focal_length_px ||
+        std::none_of(landmarks_.landmarks.begin(), landmarks_.landmarks.end(), has_depth)) {
         return;
     }
     {

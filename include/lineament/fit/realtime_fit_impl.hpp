@@ -98,6 +98,7 @@ private:
     bool has_scale_ = false;
     double scale_factor_ = 1; ///< Weight of a point: this times its information.
     int num_fixed_seen_ = 0;
+    bool has_depth_ = false; ///< Of any fixed point.
     ContourView view_ = ContourView::frontal;
     Camera camera_ = {};
     float jacobian_[6] = {}; ///< s R_2.
@@ -151,6 +152,7 @@ inline bool RealtimeFit::read_landmarks()
             work_.fixed_u[entry.fixed_index] = point.x();
             work_.fixed_v[entry.fixed_index] = point.y();
             work_.fixed_depth_px[entry.fixed_index] = landmark.depth_px;
+            has_depth_ = has_depth_ || landmark.depth_px;
             work_.fixed_confidence[entry.fixed_index] = landmark.confidence;
             is_nominal_ = is_nominal_ && landmark.confidence == 1;
             ++num_fixed_seen_;
@@ -366,6 +368,9 @@ inline void RealtimeFit::update_jacobian()
 /// As FrameFit::turn_by_depth.
 inline void RealtimeFit::turn_by_depth()
 {
+    if (!has_depth_) {
+        return;
+    }
     PairMoments all, with_depth;
     int num_with_depth = 0;
     for (int i = 0; i < pack_.fixed.num_points; ++i) {
