@@ -67,7 +67,8 @@ LandmarkFile read_own(const JsonReader& root, const LandmarkFileOptions& options
             }
         }
         if (point.size() == 4) {
-            landmark.depth_px = read_coordinate(point.element(3));
+            const double width = options.units == LandmarkUnits::normalized ? options.image_width : 1.0;
+            landmark.depth_px = width * read_coordinate(point.element(3));
         }
         frame.set.landmarks.push_back(std::move(landmark));
     }

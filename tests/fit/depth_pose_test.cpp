@@ -20,18 +20,10 @@ namespace {
 using test::IsNear;
 using test::plant_moderate_face;
 using test::PlantedFace;
+using test::random_points;
 using test::synthetic_face;
 using test::throws;
 using ::testing::Not;
-
-Eigen::Matrix3Xd random_points(Random& random, int count)
-{
-    Eigen::Matrix3Xd points(3, count);
-    for (int i = 0; i < count; ++i) {
-        points.col(i) = Eigen::Vector3d{random.uniform(-75, 75), random.uniform(-100, 100), random.uniform(-20, 80)};
-    }
-    return points;
-}
 
 /// Image point and depth, from an origin of depth that is none of the camera's.
 Eigen::Matrix3Xd see(const Camera& camera, const Eigen::Matrix3Xd& points, double noise_px, Random& random)
@@ -240,22 +232,28 @@ TEST(FaceFitter, DepthIsLeftAloneWhereItCannotServe)
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)fitter.fit(broken, centre); }, "depth_px", "6"));
 }
 
-TEST(FitFrames, DepthTurnsEachFrame)
+TEST(FitFrames, DepthTurnsEachFrameNearerToTheTruth)
 {
     Random random(409);
-    const PlantedFace first = with_depth(plant_moderate_face(random, 2.0));
-    const PlantedFace second = with_depth(plant_moderate_face(random, 2.0));
-    const Eigen::Vector2d centre = first.camera.principal_point_px;
+    std::vector<PlantedFace> planted;
+    std::vector<LandmarkSet> deep, flat;
+    for (int f = 0; f < 20; ++f) {
+        planted.push_back(with_depth(plant_moderate_face(random, 2.0)));
+        deep.push_back(planted.back().landmarks);
+        flat.push_back(without_depth(deep.back()));
+    }
+    const Eigen::Vector2d centre = planted[0].camera.principal_point_px;
     const FaceFitter fitter(synthetic_face());
-    const std::vector<LandmarkSet> deep = {first.landmarks, second.landmarks};
-    const std::vector<LandmarkSet> flat = {without_depth(first.landmarks), without_depth(second.landmarks)};
     const MultiFrameResult with = fit_frames(fitter, deep, centre);
     const MultiFrameResult without = fit_frames(fitter, flat, centre);
     EXPECT_EQ(with.shape_coefficients, without.shape_coefficients);
-    for (std::size_t f = 0; f < 2; ++f) {
-        EXPECT_THAT(with.frames[f].camera.camera_from_model,
-                    Not(IsNear(without.frames[f].camera.camera_from_model, 1e-4)));
+    double with_deg = 0, without_deg = 0;
+    for (std::size_t f = 0; f < planted.size(); ++f) {
+        const Eigen::Matrix3d& truth = planted[f].camera.camera_from_model;
+        with_deg += angle_between_deg(with.frames[f].camera.camera_from_model, truth);
+        without_deg += angle_between_deg(without.frames[f].camera.camera_from_model, truth);
     }
+    EXPECT_LT(with_deg, 0.8 * without_deg);
 }
 
 } // namespace

@@ -12,17 +12,8 @@ namespace lineament {
 namespace {
 
 using test::IsNear;
+using test::random_points;
 using ::testing::Not;
-
-/// Points spread like a face, some 150 mm wide.
-Eigen::Matrix3Xd random_points(Random& random, int count)
-{
-    Eigen::Matrix3Xd points(3, count);
-    for (int i = 0; i < count; ++i) {
-        points.col(i) = Eigen::Vector3d{random.uniform(-75, 75), random.uniform(-100, 100), random.uniform(-20, 80)};
-    }
-    return points;
-}
 
 Eigen::Matrix2Xd project(const Camera& camera, const Eigen::Matrix3Xd& points)
 {

@@ -328,6 +328,9 @@ TEST(LandmarkFile, MediapipeDepthIsScaledByTheWidth)
     EXPECT_EQ(depth_of("{\"keypoints\":" + mediapipe_points(478, R"({"x":5,"y":2,"z":-3})") + "}"), -3.0);
     EXPECT_EQ(depth_of(mediapipe_points(468, "[0.5,0.25,0]")), std::nullopt) << "zero everywhere: no depth was written";
     EXPECT_EQ(depth_of(mediapipe_points(468, "[0.5,0.25]")), std::nullopt);
+    std::string mixed = mediapipe_points(468, "[0.5,0.25]");
+    mixed.replace(1, 10, "[0.5,0.25,1]"); // point 0 alone has a depth
+    EXPECT_EQ(depth_of(mixed), std::nullopt);
     expect_refused(mediapipe_points(468, R"([0.5,0.25,"far"])"), "/0/2", "number", options);
 }
 
@@ -336,6 +339,13 @@ TEST(LandmarkFile, DepthGoesThroughOurOwnFormat)
     const LandmarkSet set = {.landmarks = {{"9", {1, 2}, 1.0, -7.25}, {"31", {3, 4}, 0.5, std::nullopt}}};
     EXPECT_EQ(parse(format_landmarks(set, 640, 480)).frames[0].set.find("9"), set.find("9"));
     EXPECT_EQ(parse(format_landmarks(set, 640, 480)).frames[0].set.find("31"), set.find("31"));
+    const std::string normalized = R"({"format": "lineament-landmarks", "version": 1, "scheme": "ibug68",
+        "image": {"width": 640, "height": 480}, "points": {"9": [0.5, 0.5, 1, -0.1]}})";
+    EXPECT_EQ(parse(normalized, {.units = LandmarkUnits::normalized, .image_width = 640, .image_height = 480})
+                  .frames[0]
+                  .set.find("9")
+                  ->depth_px,
+              -64.0);
     LandmarkSet broken = set;
     broken.landmarks[0].depth_px = std::numeric_limits<double>::quiet_NaN();
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)format_landmarks(broken, 640, 480); }, "depth_px"));

@@ -260,6 +260,15 @@ Camera random_camera(Random& random, double max_yaw_deg)
     return camera;
 }
 
+Eigen::Matrix3Xd random_points(Random& random, int count)
+{
+    Eigen::Matrix3Xd points(3, count);
+    for (int i = 0; i < count; ++i) {
+        points.col(i) = Eigen::Vector3d{random.uniform(-75, 75), random.uniform(-100, 100), random.uniform(-20, 80)};
+    }
+    return points;
+}
+
 LandmarkSet project_landmarks(const MorphableModel& model, const std::string& scheme,
                               const Eigen::VectorXd& shape_coefficients, const Eigen::VectorXd& expression_coefficients,
                               const Camera& camera, double noise_px, Random& random)

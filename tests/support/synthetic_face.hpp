@@ -29,6 +29,9 @@ struct SyntheticFaceOptions
 /// Uniform draws in [low, high).
 [[nodiscard]] Eigen::VectorXd random_uniform(Random& random, Eigen::Index size, double low, double high);
 
+/// Points spread like a face, some 150 mm wide (3 x count).
+[[nodiscard]] Eigen::Matrix3Xd random_points(Random& random, int count);
+
 /// A scaled orthographic camera that sees the face about `outer_eye_distance`-like 100 px wide in the middle of a
 /// 640 x 480 picture: yaw uniform in +-max_yaw, pitch and roll within a third of it.
 [[nodiscard]] Camera random_camera(Random& random, double max_yaw_deg = 45.0);

@@ -20,9 +20,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose_with_depth(const Eigen::Ref<const 
     detail::check_pairs(points_in_model, seen_points.topRows<2>(), given_weights, principal_point_px,
                         "estimate_pose_with_depth");
     require_finite(seen_points, "estimate_pose_with_depth", "seen_points");
-    const Eigen::Index num_points = points_in_model.cols();
-    const Eigen::VectorXd weights =
-        given_weights.size() > 0 ? given_weights : Eigen::VectorXd(Eigen::VectorXd::Ones(num_points));
+    const Eigen::VectorXd weights = detail::weights_or_ones(given_weights, points_in_model.cols());
     PoseResult result;
     result.camera.principal_point_px = principal_point_px;
     const Eigen::Index num_used = (weights.array() > 0).count();
@@ -32,7 +30,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose_with_depth(const Eigen::Ref<const 
         return result;
     }
     detail::PairMoments pairs;
-    for (Eigen::Index i = 0; i < num_points; ++i) {
+    for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
         pairs.add(weights[i], points_in_model.col(i), seen_points.col(i));
     }
     const std::optional<Eigen::Matrix3d> rotation = detail::rotation_with_depth(pairs);

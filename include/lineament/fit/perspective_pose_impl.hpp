@@ -29,8 +29,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose_perspective(const Eigen::Ref<const
         return result;
     }
     const Eigen::Index num_points = points_in_model.cols();
-    const Eigen::VectorXd weights =
-        given_weights.size() > 0 ? given_weights : Eigen::VectorXd(Eigen::VectorXd::Ones(num_points));
+    const Eigen::VectorXd weights = detail::weights_or_ones(given_weights, points_in_model.cols());
 
     // tau of the start is seen at the origin's depth, which holds under perspective too.
     Camera camera = detail::apply_step(result.camera, detail::PoseStep::Zero(), focal_length_px);

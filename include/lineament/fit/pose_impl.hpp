@@ -37,9 +37,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
                                               const Eigen::Vector2d& principal_point_px)
 {
     detail::check_pairs(points_in_model, image_points, given_weights, principal_point_px, "estimate_pose");
-    const Eigen::Index num_points = points_in_model.cols();
-    const Eigen::VectorXd weights =
-        given_weights.size() > 0 ? given_weights : Eigen::VectorXd(Eigen::VectorXd::Ones(num_points));
+    const Eigen::VectorXd weights = detail::weights_or_ones(given_weights, points_in_model.cols());
     PoseResult result;
     result.camera.principal_point_px = principal_point_px;
     const Eigen::Index num_used = (weights.array() > 0).count();

@@ -45,6 +45,12 @@ inline void check_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_mode
     return std::sqrt(sum / weights.sum());
 }
 
+/// The weights given, or 1 for each pair if there are none.
+[[nodiscard]] inline Eigen::VectorXd weights_or_ones(const Eigen::VectorXd& weights, Eigen::Index num_pairs)
+{
+    return weights.size() > 0 ? weights : Eigen::VectorXd(Eigen::VectorXd::Ones(num_pairs));
+}
+
 inline constexpr const char* looks_away_reason =
     "the face looks away from the camera; are the landmarks mirrored or swapped?";
 
