@@ -39,12 +39,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose_with_depth(const Eigen::Ref<const 
         return result;
     }
     result.rms_px = detail::weighted_rms(result.camera, points_in_model, seen_points.topRows<2>(), weights);
-    if (detail::looks_away(result.camera.camera_from_model)) {
-        result.status = FitStatus::implausible;
-        result.reason = detail::looks_away_reason;
-        return result;
-    }
-    result.status = FitStatus::success;
+    detail::judge_facing(result);
     return result;
 }
 

@@ -40,8 +40,10 @@ struct LandmarkUse
         require_finite(landmark.point_px, function, place.c_str());
         require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
                 "0 to 1", to_text(landmark.confidence));
-        require(std::isfinite(landmark.depth_px.value_or(0.0)), function, (place + ".depth_px").c_str(),
-                "a finite number", to_text(*landmark.depth_px));
+        if (landmark.depth_px) {
+            require(std::isfinite(*landmark.depth_px), function, (place + ".depth_px").c_str(), "a finite number",
+                    to_text(*landmark.depth_px));
+        }
         const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
         const int map_index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         use.map_indices.push_back(map_index);

@@ -97,12 +97,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     const Eigen::Vector2d translation_px = mean_in_image - camera.scale_px_per_mm * rotation * mean_in_model;
     camera.translation_mm = (translation_px - principal_point_px) / camera.scale_px_per_mm;
     result.rms_px = detail::weighted_rms(camera, points_in_model, image_points, weights);
-    if (detail::looks_away(result.camera.camera_from_model)) {
-        result.status = FitStatus::implausible;
-        result.reason = detail::looks_away_reason;
-        return result;
-    }
-    result.status = FitStatus::success;
+    detail::judge_facing(result);
     return result;
 }
 

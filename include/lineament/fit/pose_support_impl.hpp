@@ -4,6 +4,7 @@
 
 #include "lineament/camera/camera.hpp"
 #include "lineament/core/checks.hpp"
+#include "lineament/fit/fit_result.hpp"
 
 #include <Eigen/Core>
 
@@ -58,6 +59,15 @@ inline constexpr const char* looks_away_reason =
 [[nodiscard]] inline bool looks_away(const Eigen::Matrix3d& camera_from_model)
 {
     return -camera_from_model(2, 2) < min_facing_cosine;
+}
+
+/// Success, or implausible for a face that looks away. @tparam Result  PoseResult, which includes this file.
+template <typename Result>
+void judge_facing(Result& result)
+{
+    const bool is_away = looks_away(result.camera.camera_from_model);
+    result.status = is_away ? FitStatus::implausible : FitStatus::success;
+    result.reason = is_away ? looks_away_reason : "";
 }
 
 } // namespace lineament::detail

@@ -113,14 +113,17 @@ inline TextureLayout::TextureLayout(const Mesh& mesh, int size, const std::vecto
                                             const Eigen::Ref<const Eigen::Matrix3Xi>& uv_triangles, int size)
 {
     require(size >= 1, "draw_uv_layout", "size", "at least 1", std::to_string(size));
+    if (uv_triangles.size() > 0) {
+        const int least = uv_triangles.minCoeff(), largest = uv_triangles.maxCoeff();
+        require(least >= 0 && largest < uv_coordinates.cols(), "draw_uv_layout", "uv_triangles",
+                "indices below " + std::to_string(uv_coordinates.cols()),
+                std::to_string(least) + " to " + std::to_string(largest));
+    }
     const Color ink = {40, 70, 120};
     ImageU8 picture(size, size, 3, 255);
     for (Eigen::Index t = 0; t < uv_triangles.cols(); ++t) {
         for (int corner = 0; corner < 3; ++corner) {
             const int from = uv_triangles(corner, t), to = uv_triangles((corner + 1) % 3, t);
-            require(std::min(from, to) >= 0 && std::max(from, to) < uv_coordinates.cols(), "draw_uv_layout",
-                    "uv_triangles", "indices below " + std::to_string(uv_coordinates.cols()),
-                    std::to_string(from) + ", " + std::to_string(to));
             draw_line(picture, uv_coordinates.col(from).cast<double>() * size,
                       uv_coordinates.col(to).cast<double>() * size, ink, 1.0);
         }
