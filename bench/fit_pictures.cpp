@@ -15,6 +15,7 @@
 #include "lineament/io/model_file.hpp"
 #include "lineament/render/color_scale.hpp"
 #include "lineament/render/contact_sheet.hpp"
+#include "lineament/render/draw.hpp"
 #include "lineament/render/shading.hpp"
 
 #include <cstdio>

@@ -4,6 +4,7 @@
 // Time of the renderer's parts on a sphere of about 7,000 triangles that fills most of a 512 x 512 picture.
 #include "calibration.hpp"
 
+#include "lineament/render/background.hpp"
 #include "lineament/render/shading.hpp"
 #include "lineament/render/texture_completion.hpp"
 #include "lineament/render/texture_fusion.hpp"

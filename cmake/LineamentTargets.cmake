@@ -64,6 +64,20 @@ function(lineament_library module)
     lineament_private_flags(lineament_${module})
 endfunction()
 
+# The definitions of a module of the header-only core, compiled once: lineament::<module> is a static library and sets
+# LINEAMENT_COMPILED_<MODULE>, with which the module's headers are declarations alone.
+#   lineament_compiled_core(fit pose.cpp)
+function(lineament_compiled_core module)
+    add_library(lineament_${module} STATIC ${ARGN})
+    add_library(lineament::${module} ALIAS lineament_${module})
+    set_target_properties(lineament_${module} PROPERTIES EXPORT_NAME ${module} POSITION_INDEPENDENT_CODE ON)
+    target_link_libraries(lineament_${module} PUBLIC lineament_core)
+    string(TOUPPER ${module} module_in_capitals)
+    target_compile_definitions(lineament_${module} PUBLIC LINEAMENT_COMPILED_${module_in_capitals})
+    lineament_private_flags(lineament_${module})
+    lineament_precompile(lineament_${module})
+endfunction()
+
 # Uses the precompiled headers of lineament_test_support, which the target links.
 function(lineament_precompiled_as_tests target)
     target_precompile_headers(${target} REUSE_FROM lineament_test_support)
@@ -90,8 +104,8 @@ endfunction()
 
 # Target lineament_headers compiles every public header alone. Eigen, most of the time, is precompiled: a missing header
 # of Eigen is for scripts/check-source.sh to notice, a standard header that comes with Eigen is not noticed. Where
-# lineament::fit is built, headers are seen as it shows them, without the solvers' definitions;
-# tests/package/plain/fit.cpp compiles those.
+# lineament::fit and lineament::render are built, headers are seen as these show them, without definitions;
+# tests/package/plain compiles those.
 function(lineament_check_headers)
     get_property(headers GLOBAL PROPERTY LINEAMENT_PUBLIC_HEADERS)
     get_property(targets GLOBAL PROPERTY LINEAMENT_HEADER_TARGETS)
@@ -103,7 +117,8 @@ function(lineament_check_headers)
         list(APPEND sources ${source})
     endforeach()
     add_library(lineament_headers OBJECT EXCLUDE_FROM_ALL ${sources})
-    target_link_libraries(lineament_headers PRIVATE ${targets} $<TARGET_NAME_IF_EXISTS:lineament_fit>)
+    target_link_libraries(lineament_headers PRIVATE ${targets} $<TARGET_NAME_IF_EXISTS:lineament_fit>
+                                                    $<TARGET_NAME_IF_EXISTS:lineament_render>)
     lineament_private_flags(lineament_headers)
     target_precompile_headers(lineament_headers PRIVATE <Eigen/Dense>)
 endfunction()

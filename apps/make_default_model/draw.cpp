@@ -7,6 +7,7 @@
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/render/contact_sheet.hpp"
+#include "lineament/render/draw.hpp"
 #include "lineament/render/shading.hpp"
 #include "lineament/render/texture_layout.hpp"
 

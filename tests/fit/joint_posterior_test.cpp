@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Derivatives, optimality and certainty of the joint fit.
-#include "lineament/fit/joint_fit_impl.hpp"
 #include "lineament/fit/joint_fitter.hpp"
+#include "lineament/fit/joint_image.hpp"
+#include "lineament/fit/joint_solver.hpp"
 
 #include "planted_images.hpp"
 #include "support/matchers.hpp"

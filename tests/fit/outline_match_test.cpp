@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
-#include "lineament/fit/joint_image_impl.hpp"
+#include "lineament/fit/joint_image.hpp"
 
 #include <gtest/gtest.h>
 

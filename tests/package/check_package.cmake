@@ -25,6 +25,12 @@ if(way STREQUAL solvers)
     run(${work_dir}/fit)
     return()
 endif()
+if(way STREQUAL renderer)
+    run(${project_compiler} -std=c++20 -Wall -Wextra -Werror -O0 -I ${source_dir}/include -isystem ${eigen}
+        ${here}/plain/render.cpp -o ${work_dir}/render)
+    run(${work_dir}/render)
+    return()
+endif()
 if(way STREQUAL emscripten)
     file(GLOB headers RELATIVE ${source_dir}/include ${source_dir}/include/lineament/core/*.hpp
          ${source_dir}/include/lineament/model/*.hpp ${source_dir}/include/lineament/camera/*.hpp

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/render/color_scale.hpp"
+#include "lineament/render/shading.hpp"
 
 #include "support/matchers.hpp"
 #include "support/synthetic_face.hpp"

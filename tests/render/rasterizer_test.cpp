@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/render/rasterizer.hpp"
+#include "lineament/render/triangle_coverage.hpp"
 
 #include "support/matchers.hpp"
 #include "test_meshes.hpp"

@@ -12,6 +12,9 @@ set(headers
     identity_filter.hpp
     inline.hpp
     joint_fitter.hpp
+    joint_image.hpp
+    joint_problem.hpp
+    joint_solver.hpp
     model_points.hpp
     multi_frame.hpp
     nnls.hpp

@@ -6,8 +6,8 @@
 #define LINEAMENT_FIT_JOINT_FIT_IMPL_HPP
 
 #include "lineament/fit/frame_fit_impl.hpp"
-#include "lineament/fit/joint_image_impl.hpp"
-#include "lineament/fit/joint_solver_impl.hpp"
+#include "lineament/fit/joint_image.hpp"
+#include "lineament/fit/joint_solver.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
 #include <Eigen/Cholesky>

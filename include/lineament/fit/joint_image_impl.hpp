@@ -1,37 +1,25 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
-#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+#pragma once
 
-#ifndef LINEAMENT_FIT_JOINT_IMAGE_IMPL_HPP
-#define LINEAMENT_FIT_JOINT_IMAGE_IMPL_HPP
+#include "lineament/fit/joint_image.hpp"
 
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/contour_support_impl.hpp"
-#include "lineament/fit/joint_problem_impl.hpp"
-#include "lineament/fit/landmark_use_impl.hpp"
+#include "lineament/fit/inline.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
 namespace lineament::detail {
 
-/// An outline landmark, and where the model's outline comes nearest to it.
-struct OutlineMatch
-{
-    int landmark_index = 0;
-    int vertex = 0;
-    int next_vertex = 0; ///< The point lies at `fraction` from vertex to next_vertex.
-    double fraction = 0.0;
-    Eigen::Vector2d normal = Eigen::Vector2d::Zero(); ///< Of the projected outline, unit; zero where it has none.
-    double distance_px = 0.0;                         ///< Across the outline.
-};
-
-/// The nearest point of the projected polyline of candidates, ear to chin.
-[[nodiscard]] inline OutlineMatch match_polyline(const std::vector<int>& vertices, const Eigen::Matrix2Xd& projected,
+LINEAMENT_FIT_INLINE OutlineMatch match_polyline(const std::vector<int>& vertices, const Eigen::Matrix2Xd& projected,
                                                  const Eigen::Vector2d& landmark)
 {
     OutlineMatch best;
@@ -57,8 +45,7 @@ struct OutlineMatch
     return best;
 }
 
-/// The nearest silhouette vertex within `max_distance_px`, and the direction of the silhouette around it.
-[[nodiscard]] inline std::optional<OutlineMatch> match_silhouette(const std::vector<int>& vertices,
+LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const std::vector<int>& vertices,
                                                                   const Eigen::Matrix2Xd& projected,
                                                                   const Eigen::Vector2d& landmark, double radius_px,
                                                                   double max_distance_px)
@@ -93,17 +80,7 @@ struct OutlineMatch
     return best;
 }
 
-/// What turns the options' noise into that of one image.
-struct NoiseSharing
-{
-    double scale_px_per_mm = 1.0; ///< s_0.
-    int num_images = 1;           ///< Fitted together.
-    int num_before = 0;           ///< Images of the same person in the prior.
-    bool has_bias = false;        ///< Points tied to their map point have a bias among the unknowns.
-};
-
-/// The variance [mm^2] of the bias of a landmark of the map: the options', or its share in the noise the map states.
-[[nodiscard]] inline double bias_variance_mm(const FaceFitter& base, const JointOptions& options, int map_index)
+LINEAMENT_FIT_INLINE double bias_variance_mm(const FaceFitter& base, const JointOptions& options, int map_index)
 {
     const double bias = options.bias_sigma_mm * options.bias_sigma_mm;
     const double noise = options.landmark_sigma_mm * options.landmark_sigma_mm;
@@ -114,53 +91,17 @@ struct NoiseSharing
     return bias / (bias + noise) * (*stated)[map_index] * (*stated)[map_index];
 }
 
-/// Ties the landmarks of one image to model points, round by round, and gives them their weights.
-class JointImageMatcher
-{
-public:
-    JointImageMatcher(const FaceFitter& base, const JointOptions& options, const LandmarkSet& landmarks,
-                      std::span<const Eigen::Matrix2d> covariances_px);
-
-    [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
-
-    /// Points and weights for a camera and shape; `noise` says how mm become px and what images have in common.
-    void match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
-               const NoiseSharing& noise, JointImage& image);
-
-    /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
-    [[nodiscard]] JointImage fixed_image() const;
-
-private:
-    [[nodiscard]] std::vector<OutlineMatch> match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
-                                                          const Eigen::VectorXd& psi);
-    /// The noise of a landmark and, where that counts as noise, its bias: those stated for it, or the default.
-    [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_variance_mm, double bias_variance,
-                                                const NoiseSharing& noise, bool has_bias) const;
-    [[nodiscard]] bool is_outline(int landmark_index) const
-    {
-        return is_outline_landmark(base_, landmarks_.landmarks[landmark_index]);
-    }
-
-    const FaceFitter& base_;
-    const JointOptions& options_;
-    const LandmarkSet& landmarks_;
-    std::span<const Eigen::Matrix2d> covariances_px_;
-    LandmarkUse use_ = {};
-    ContourView view_ = ContourView::frontal;
-    Eigen::Matrix3Xf shape_vertices_ = {};
-};
-
-/// @throws InvalidArgument unless symmetric, finite and positive definite.
-inline void require_covariance(const Eigen::Matrix2d& covariance, const char* function, const std::string& place)
+LINEAMENT_FIT_INLINE void require_covariance(const Eigen::Matrix2d& covariance, const char* function,
+                                             const std::string& place)
 {
     require_finite(covariance, function, place.c_str());
     require(covariance(0, 1) == covariance(1, 0) && covariance(0, 0) > 0 && covariance.determinant() > 0, function,
             place.c_str(), "a symmetric positive definite matrix", "another");
 }
 
-inline JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointOptions& options,
-                                            const LandmarkSet& landmarks,
-                                            std::span<const Eigen::Matrix2d> covariances_px)
+LINEAMENT_FIT_INLINE JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointOptions& options,
+                                                          const LandmarkSet& landmarks,
+                                                          std::span<const Eigen::Matrix2d> covariances_px)
     : base_(base), options_(options), landmarks_(landmarks), covariances_px_(covariances_px)
 {
     const char* const function = "JointFitter::fit";
@@ -176,9 +117,9 @@ inline JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointO
     }
 }
 
-inline Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, double default_variance_mm,
-                                                        double bias_variance, const NoiseSharing& noise,
-                                                        bool has_bias) const
+LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, double default_variance_mm,
+                                                                      double bias_variance, const NoiseSharing& noise,
+                                                                      bool has_bias) const
 {
     const double mm_sq = noise.scale_px_per_mm * noise.scale_px_per_mm; // [px^2/mm^2]
     const Eigen::Matrix2d unit = Eigen::Matrix2d::Identity();
@@ -201,7 +142,7 @@ inline Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, doub
     return (own + (noise.num_before + 1) * common) * own.inverse() * (own + noise.num_before * common);
 }
 
-inline JointImage JointImageMatcher::fixed_image() const
+LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image() const
 {
     JointImage image;
     const Eigen::Index count = static_cast<Eigen::Index>(use_.fixed.size());
@@ -217,8 +158,8 @@ inline JointImage JointImageMatcher::fixed_image() const
     return image;
 }
 
-inline std::vector<OutlineMatch> JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
-                                                                  const Eigen::VectorXd& psi)
+LINEAMENT_FIT_INLINE std::vector<OutlineMatch>
+JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi)
 {
     std::vector<OutlineMatch> matches;
     const ContourOptions& options = options_.contour_matching;
@@ -262,8 +203,9 @@ inline std::vector<OutlineMatch> JointImageMatcher::match_outline(const Camera& 
     return matches;
 }
 
-inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
-                                     const NoiseSharing& noise, JointImage& image)
+LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd& alpha,
+                                                   const Eigen::VectorXd& psi, const NoiseSharing& noise,
+                                                   JointImage& image)
 {
     const std::vector<OutlineMatch> matches =
         use_.outline.empty() ? std::vector<OutlineMatch>() : match_outline(camera, alpha, psi);
@@ -320,5 +262,3 @@ inline void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd
 }
 
 } // namespace lineament::detail
-
-#endif

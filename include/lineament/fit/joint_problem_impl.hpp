@@ -1,11 +1,10 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
-#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+#pragma once
 
-#ifndef LINEAMENT_FIT_JOINT_PROBLEM_IMPL_HPP
-#define LINEAMENT_FIT_JOINT_PROBLEM_IMPL_HPP
+#include "lineament/fit/joint_problem.hpp"
 
-#include "lineament/fit/pose.hpp"
+#include "lineament/fit/inline.hpp"
 #include "lineament/fit/pose_step_impl.hpp"
 
 #include <Eigen/Cholesky>
@@ -18,121 +17,13 @@
 
 namespace lineament::detail {
 
-/// A model point tied to a landmark.
-struct JointPoint
-{
-    int landmark_index = 0;
-    int bias_index = -1;                                ///< Position in the landmark map if it has a bias, or -1.
-    int num_dimensions = 2;                             ///< 1 for a point on a re-matched outline.
-    Eigen::Matrix2d root = Eigen::Matrix2d::Identity(); ///< U with W = U^T U [1/px].
-};
-
-/// What of one image enters the energy. Constant within a round.
-struct JointImage
-{
-    std::vector<JointPoint> used = {}; ///< One per point below.
-    ModelPoints points = {};
-    Eigen::Matrix2Xd image_points = {};
-    double matched_scale = 1.0;  ///< s_0 [px/mm].
-    double scale_strength = 0.0; ///< n_f.
-};
-
-/// The unknowns.
-struct JointState
-{
-    Eigen::VectorXd alpha = {};
-    double phi_per_mm = 0.0; ///< Of the shared unknown focal length, at the problem's reference scale.
-    std::vector<Camera> cameras = {};
-    std::vector<Eigen::VectorXd> psi = {};
-    Eigen::Matrix3Xd bias = {}; ///< 3 x L, mm at scale s_0, or empty.
-};
-
-/// Half the gradient of the energy and half its Gauss-Newton matrix, landmark biases eliminated. The unknowns are
-/// [alpha | phi, where unknown | for each image: turn 3, log s, tau 2, psi].
-struct JointSystem
-{
-    Eigen::MatrixXd hessian = {};  ///< K x K, symmetric.
-    Eigen::VectorXd gradient = {}; ///< K.
-
-    // Needed for the scale term and to recover the biases:
-    std::vector<Eigen::MatrixXd> image_grams = {};     ///< J^T W J of each image's own unknowns, priors left out.
-    std::vector<Eigen::MatrixXd> image_couplings = {}; ///< With the biases, each image's own part, x 3L.
-    Eigen::MatrixXd bias_blocks = {};                  ///< 3 x 3L, the biases' own blocks, priors left out.
-    Eigen::MatrixXd bias_coupling = {};                ///< K x 3L.
-    Eigen::MatrixXd bias_inverse = {};                 ///< 3 x 3L, inverse blocks.
-    Eigen::Matrix3Xd bias_gradient = {};               ///< 3 x L.
-};
-
-/// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
-[[nodiscard]] inline double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha)
+LINEAMENT_FIT_INLINE double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha)
 {
     const Eigen::VectorXd offset = alpha - prior.matrix.ldlt().solve(prior.vector);
     return offset.dot(prior.matrix * offset);
 }
 
-/// Energy (7) of a round, its derivatives and its moves.
-class JointProblem
-{
-public:
-    JointProblem(const JointOptions& options, const IdentityInformation& prior, Eigen::Index num_expressions)
-        : options_(options), prior_(prior), num_expressions_(num_expressions)
-    {}
-
-    std::vector<JointImage> images = {};
-    Eigen::VectorXd bias_variances_mm = {}; ///< L, where there are biases [mm^2].
-    double reference_scale = 1.0;           ///< phi of the shared focal length is that of an image of this scale.
-
-    [[nodiscard]] Eigen::Index num_shape() const { return prior_.vector.size(); }
-    [[nodiscard]] Eigen::Index num_shared() const { return num_shape() + has_phi(); }
-    [[nodiscard]] Eigen::Index num_own() const { return 6 + num_expressions_; }
-    [[nodiscard]] Eigen::Index num_unknowns() const
-    {
-        return num_shared() + num_own() * static_cast<Eigen::Index>(images.size());
-    }
-    [[nodiscard]] Eigen::Index own_begin(std::size_t image) const
-    {
-        return num_shared() + num_own() * static_cast<Eigen::Index>(image);
-    }
-    [[nodiscard]] bool is_camera(Eigen::Index unknown) const
-    {
-        return unknown >= num_shape() && (unknown < num_shared() || (unknown - num_shared()) % num_own() < 6);
-    }
-
-    /// Infinite where a point lies too near the camera's plane.
-    [[nodiscard]] double energy(const JointState& state) const;
-
-    /// Weighted squares of residuals and priors, without robust loss and scale term.
-    [[nodiscard]] double chi_square(const JointState& state) const;
-
-    [[nodiscard]] JointSystem linearize(const JointState& state) const;
-
-    /// How far each unknown may go down and up.
-    void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
-
-    /// The state after a step within that room; biases follow by themselves, damped likewise.
-    [[nodiscard]] JointState moved(const JointState& state, const JointSystem& system, const Eigen::VectorXd& step,
-                                   double damping = 0.0) const;
-
-    /// Weighted squared distance of a point from its landmark.
-    [[nodiscard]] double squared_residual(std::size_t image, Eigen::Index point, const JointState& state,
-                                          const Eigen::Matrix3Xd& shape) const;
-
-    /// Model points of an image with expression and bias (3 x N).
-    [[nodiscard]] Eigen::Matrix3Xd shape_of_points(std::size_t image, const JointState& state) const;
-
-private:
-    [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }
-    [[nodiscard]] double prior_energy(const JointState& state) const;
-    void set_phi(JointState& state) const;
-    void add_image(std::size_t image, const JointState& state, JointSystem& system) const;
-    void eliminate_biases(const JointState& state, JointSystem& system) const;
-
-    const JointOptions& options_;
-    const IdentityInformation& prior_;
-    Eigen::Index num_expressions_;
-};
-
-inline Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
 {
     const JointImage& seen = images[image];
     Eigen::Matrix3Xd shape = seen.points.at(state.alpha, state.psi[image]);
@@ -146,15 +37,15 @@ inline Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const J
     return shape;
 }
 
-inline double JointProblem::squared_residual(std::size_t image, Eigen::Index point, const JointState& state,
-                                             const Eigen::Matrix3Xd& shape) const
+LINEAMENT_FIT_INLINE double JointProblem::squared_residual(std::size_t image, Eigen::Index point,
+                                                           const JointState& state, const Eigen::Matrix3Xd& shape) const
 {
     const JointImage& seen = images[image];
     const Eigen::Vector2d fitted = state.cameras[image].project(Eigen::Vector3d(shape.col(point)));
     return (seen.used[static_cast<std::size_t>(point)].root * (fitted - seen.image_points.col(point))).squaredNorm();
 }
 
-inline double JointProblem::prior_energy(const JointState& state) const
+LINEAMENT_FIT_INLINE double JointProblem::prior_energy(const JointState& state) const
 {
     // (a - mu)^T Lambda (a - mu) up to a constant that is zero for N(0, I)
     double energy = state.alpha.dot(prior_.matrix * state.alpha) - 2 * state.alpha.dot(prior_.vector);
@@ -170,7 +61,7 @@ inline double JointProblem::prior_energy(const JointState& state) const
     return energy;
 }
 
-inline double JointProblem::energy(const JointState& state) const
+LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state) const
 {
     double energy = prior_energy(state);
     for (std::size_t f = 0; f < images.size(); ++f) {
@@ -188,7 +79,7 @@ inline double JointProblem::energy(const JointState& state) const
     return energy;
 }
 
-inline double JointProblem::chi_square(const JointState& state) const
+LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state) const
 {
     double sum = prior_energy(state) + 2 * state.alpha.dot(prior_.vector) -
                  state.alpha.dot(prior_.matrix * state.alpha) + prior_squares(prior_, state.alpha);
@@ -209,7 +100,7 @@ inline double JointProblem::chi_square(const JointState& state) const
     return -camera.scale_px_per_mm * inverse_depth * inverse_depth * in_camera.z() * in_camera.head<2>();
 }
 
-inline void JointProblem::add_image(std::size_t image, const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::add_image(std::size_t image, const JointState& state, JointSystem& system) const
 {
     const JointImage& seen = images[image];
     const Camera& camera = state.cameras[image];
@@ -273,7 +164,7 @@ inline void JointProblem::add_image(std::size_t image, const JointState& state, 
     system.image_couplings.push_back(std::move(coupling));
 }
 
-inline void JointProblem::eliminate_biases(const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::eliminate_biases(const JointState& state, JointSystem& system) const
 {
     const Eigen::Index num_biases = state.bias.cols();
     if (num_biases == 0) {
@@ -296,7 +187,7 @@ inline void JointProblem::eliminate_biases(const JointState& state, JointSystem&
     system.hessian.triangularView<Eigen::StrictlyUpper>() = system.hessian.transpose();
 }
 
-inline JointSystem JointProblem::linearize(const JointState& state) const
+LINEAMENT_FIT_INLINE JointSystem JointProblem::linearize(const JointState& state) const
 {
     JointSystem system;
     const Eigen::Index size = num_unknowns();
@@ -326,7 +217,7 @@ inline JointSystem JointProblem::linearize(const JointState& state) const
     return system;
 }
 
-inline void JointProblem::room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const
+LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const
 {
     const double infinity = std::numeric_limits<double>::infinity();
     down = Eigen::VectorXd::Constant(num_unknowns(), -infinity);
@@ -342,8 +233,8 @@ inline void JointProblem::room(const JointState& state, Eigen::VectorXd& down, E
     }
 }
 
-inline JointState JointProblem::moved(const JointState& state, const JointSystem& system, const Eigen::VectorXd& step,
-                                      double damping) const
+LINEAMENT_FIT_INLINE JointState JointProblem::moved(const JointState& state, const JointSystem& system,
+                                                    const Eigen::VectorXd& step, double damping) const
 {
     JointState next = state;
     const double bound = options_.max_coefficient;
@@ -372,5 +263,3 @@ inline JointState JointProblem::moved(const JointState& state, const JointSystem
 }
 
 } // namespace lineament::detail
-
-#endif

@@ -1,21 +1,21 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
-#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+#pragma once
 
-#ifndef LINEAMENT_FIT_JOINT_SOLVER_IMPL_HPP
-#define LINEAMENT_FIT_JOINT_SOLVER_IMPL_HPP
+#include "lineament/fit/joint_solver.hpp"
 
-#include "lineament/fit/joint_problem_impl.hpp"
+#include "lineament/fit/inline.hpp"
 
 #include <Eigen/Cholesky>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
+#include <vector>
 
 namespace lineament::detail {
 
-/// The unknowns that a step may move: those not at a bound, or at one that the energy pushes them away from.
-[[nodiscard]] inline std::vector<int> free_unknowns(const JointSystem& system, const Eigen::VectorXd& down,
+LINEAMENT_FIT_INLINE std::vector<int> free_unknowns(const JointSystem& system, const Eigen::VectorXd& down,
                                                     const Eigen::VectorXd& up)
 {
     std::vector<int> free;
@@ -58,9 +58,7 @@ namespace lineament::detail {
     return step;
 }
 
-/// Sets n_f of every image, half the derivative of log det Lambda by its log s: the effective number of shape
-/// coefficients and free expressions that its landmarks determine.                       docs/joint-fit.md, Eq. (14)
-inline void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system)
+LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system)
 {
     Eigen::VectorXd down, up;
     problem.room(state, down, up);
@@ -95,17 +93,8 @@ inline void refresh_scale_strengths(JointProblem& problem, const JointState& sta
     }
 }
 
-struct JointProgress
-{
-    bool has_settled = false;
-    int iterations = 0;
-    std::vector<EnergyStep> energies = {};
-};
-
-/// Lowers the energy of a round by damped Gauss-Newton steps until the step left is `tolerance` posterior standard
-/// deviations long (step^T H step = -gradient^T step), or the iterations are used up.
-inline void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance, int round,
-                     JointProgress& progress)
+LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance,
+                                   int round, JointProgress& progress)
 {
     progress.has_settled = false;
     double damping = 0;
@@ -144,5 +133,3 @@ inline void minimize(JointProblem& problem, JointState& state, int max_iteration
 }
 
 } // namespace lineament::detail
-
-#endif

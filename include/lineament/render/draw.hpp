@@ -57,4 +57,6 @@ void paste(ImageU8& image, const ImageU8& picture, int left, int top);
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_RENDER
 #include "lineament/render/draw_impl.hpp"
+#endif

@@ -5,6 +5,7 @@
 #include "lineament/render/checks.hpp"
 #include "lineament/render/draw.hpp" // IWYU pragma: keep
 #include "lineament/render/font.hpp"
+#include "lineament/render/inline.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -72,7 +73,7 @@ inline std::vector<ResizeTap> resize_taps(int old_size, int new_size)
 
 } // namespace detail
 
-inline void blend_pixel(ImageU8& image, int column, int row, const Color& color, float coverage)
+LINEAMENT_RENDER_INLINE void blend_pixel(ImageU8& image, int column, int row, const Color& color, float coverage)
 {
     if (!image.contains(column, row)) {
         return;
@@ -101,8 +102,8 @@ inline void blend_pixel(ImageU8& image, int column, int row, const Color& color,
     pixel[2] = mix(pixel[2], color.blue, share);
 }
 
-inline void draw_line(ImageU8& image, const Eigen::Vector2d& from, const Eigen::Vector2d& to, const Color& color,
-                      double width_px)
+LINEAMENT_RENDER_INLINE void draw_line(ImageU8& image, const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                                       const Color& color, double width_px)
 {
     if (!(width_px > 0) || !std::isfinite(width_px)) {
         return;
@@ -119,7 +120,8 @@ inline void draw_line(ImageU8& image, const Eigen::Vector2d& from, const Eigen::
     });
 }
 
-inline void draw_disc(ImageU8& image, const Eigen::Vector2d& center, double radius_px, const Color& color)
+LINEAMENT_RENDER_INLINE void draw_disc(ImageU8& image, const Eigen::Vector2d& center, double radius_px,
+                                       const Color& color)
 {
     if (!(radius_px > 0)) {
         return;
@@ -130,8 +132,8 @@ inline void draw_disc(ImageU8& image, const Eigen::Vector2d& center, double radi
                        [&](const Eigen::Vector2d& point) { return radius_px + 0.5 - (point - center).norm(); });
 }
 
-inline void draw_circle(ImageU8& image, const Eigen::Vector2d& center, double radius_px, const Color& color,
-                        double width_px)
+LINEAMENT_RENDER_INLINE void draw_circle(ImageU8& image, const Eigen::Vector2d& center, double radius_px,
+                                         const Color& color, double width_px)
 {
     if (!(radius_px > 0) || !(width_px > 0)) {
         return;
@@ -144,8 +146,8 @@ inline void draw_circle(ImageU8& image, const Eigen::Vector2d& center, double ra
     });
 }
 
-inline void draw_rectangle(ImageU8& image, const Eigen::Vector2d& corner, const Eigen::Vector2d& opposite_corner,
-                           const Color& color, double width_px)
+LINEAMENT_RENDER_INLINE void draw_rectangle(ImageU8& image, const Eigen::Vector2d& corner,
+                                            const Eigen::Vector2d& opposite_corner, const Color& color, double width_px)
 {
     if (!(width_px > 0)) {
         return;
@@ -161,7 +163,8 @@ inline void draw_rectangle(ImageU8& image, const Eigen::Vector2d& corner, const 
     });
 }
 
-inline void fill_rectangle(ImageU8& image, int left, int top, int width, int height, const Color& color)
+LINEAMENT_RENDER_INLINE void fill_rectangle(ImageU8& image, int left, int top, int width, int height,
+                                            const Color& color)
 {
     const auto clipped = [](std::int64_t value, int end) {
         return static_cast<int>(std::clamp<std::int64_t>(value, 0, end));
@@ -175,7 +178,8 @@ inline void fill_rectangle(ImageU8& image, int left, int top, int width, int hei
     }
 }
 
-inline void draw_text(ImageU8& image, int left, int top, std::string_view text, const Color& color, int scale)
+LINEAMENT_RENDER_INLINE void draw_text(ImageU8& image, int left, int top, std::string_view text, const Color& color,
+                                       int scale)
 {
     int x = left;
     int y = top;
@@ -196,7 +200,7 @@ inline void draw_text(ImageU8& image, int left, int top, std::string_view text, 
     }
 }
 
-inline int text_width_px(std::string_view text, int scale)
+LINEAMENT_RENDER_INLINE int text_width_px(std::string_view text, int scale)
 {
     int longest = 0;
     int length = 0;
@@ -207,13 +211,13 @@ inline int text_width_px(std::string_view text, int scale)
     return longest > 0 ? (longest * (glyph_width + 1) - 1) * scale : 0;
 }
 
-inline int text_height_px(std::string_view text, int scale)
+LINEAMENT_RENDER_INLINE int text_height_px(std::string_view text, int scale)
 {
     const auto num_lines = static_cast<int>(1 + std::count(text.begin(), text.end(), '\n'));
     return text.empty() ? 0 : num_lines * (glyph_height + 2) * scale;
 }
 
-inline void paste(ImageU8& image, const ImageU8& picture, int left, int top)
+LINEAMENT_RENDER_INLINE void paste(ImageU8& image, const ImageU8& picture, int left, int top)
 {
     for (int row = std::max(0, -top); row < picture.height && row + top < image.height; ++row) {
         for (int column = std::max(0, -left); column < picture.width && column + left < image.width; ++column) {
@@ -226,7 +230,7 @@ inline void paste(ImageU8& image, const ImageU8& picture, int left, int top)
     }
 }
 
-inline ImageU8 resize(const ImageU8& picture, int width, int height)
+LINEAMENT_RENDER_INLINE ImageU8 resize(const ImageU8& picture, int width, int height)
 {
     require_image_size(width, height, "resize");
     ImageU8 resized(width, height, picture.channels);

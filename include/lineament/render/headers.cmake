@@ -6,6 +6,7 @@ set(headers
     contact_sheet.hpp
     draw.hpp
     font.hpp
+    inline.hpp
     rasterizer.hpp
     shading.hpp
     texture.hpp
@@ -16,6 +17,16 @@ set(headers
     visibility.hpp
 )
 set(definitions
+    background_impl.hpp
+    color_scale_impl.hpp
+    contact_sheet_impl.hpp
     draw_impl.hpp
+    rasterizer_impl.hpp
+    rasterizer_support_impl.hpp
     shading_impl.hpp
+    texture_completion_impl.hpp
+    texture_fusion_impl.hpp
+    texture_impl.hpp
+    texture_layout_impl.hpp
+    visibility_impl.hpp
 )

@@ -86,4 +86,6 @@ struct ShadingOptions
 
 } // namespace lineament
 
+#ifndef LINEAMENT_COMPILED_RENDER
 #include "lineament/render/shading_impl.hpp"
+#endif

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "lineament/render/inline.hpp"
+#include "lineament/render/rasterizer_support_impl.hpp"
 #include "lineament/render/shading.hpp" // IWYU pragma: keep
 #include "lineament/render/visibility.hpp"
 
@@ -16,7 +18,7 @@
 
 namespace lineament {
 
-inline void ShadingOptions::check() const
+LINEAMENT_RENDER_INLINE void ShadingOptions::check() const
 {
     const char* const function = "ShadingOptions";
     require(std::isfinite(wire_width_px) && wire_width_px > 0, function, "wire_width_px", "a finite number > 0",
@@ -400,30 +402,32 @@ inline ImageU8 render_mesh_over(const ImageU8& picture, const Mesh& mesh, const 
 
 } // namespace detail
 
-inline ImageU8 render_mesh(const Mesh& mesh, const Camera& camera, int width, int height, const ShadingOptions& options)
+LINEAMENT_RENDER_INLINE ImageU8 render_mesh(const Mesh& mesh, const Camera& camera, int width, int height,
+                                            const ShadingOptions& options)
 {
     return detail::render_mesh(mesh, nullptr, camera, width, height, options);
 }
 
-inline ImageU8 render_mesh(const Mesh& mesh, const ImageU8& texture, const Camera& camera, int width, int height,
-                           const ShadingOptions& options)
+LINEAMENT_RENDER_INLINE ImageU8 render_mesh(const Mesh& mesh, const ImageU8& texture, const Camera& camera, int width,
+                                            int height, const ShadingOptions& options)
 {
     return detail::render_mesh(mesh, &texture, camera, width, height, options);
 }
 
-inline ImageU8 render_mesh_over(const ImageU8& picture, const Mesh& mesh, const Camera& camera,
-                                const ShadingOptions& options)
+LINEAMENT_RENDER_INLINE ImageU8 render_mesh_over(const ImageU8& picture, const Mesh& mesh, const Camera& camera,
+                                                 const ShadingOptions& options)
 {
     return detail::render_mesh_over(picture, mesh, nullptr, camera, options);
 }
 
-inline ImageU8 render_mesh_over(const ImageU8& picture, const Mesh& mesh, const ImageU8& texture, const Camera& camera,
-                                const ShadingOptions& options)
+LINEAMENT_RENDER_INLINE ImageU8 render_mesh_over(const ImageU8& picture, const Mesh& mesh, const ImageU8& texture,
+                                                 const Camera& camera, const ShadingOptions& options)
 {
     return detail::render_mesh_over(picture, mesh, &texture, camera, options);
 }
 
-inline Camera frame_camera(const Mesh& mesh, const HeadAngles& angles, int width, int height, double margin)
+LINEAMENT_RENDER_INLINE Camera frame_camera(const Mesh& mesh, const HeadAngles& angles, int width, int height,
+                                            double margin)
 {
     const char* const function = "frame_camera";
     require(width >= 1 && height >= 1, function, "width, height", "at least 1 px each",

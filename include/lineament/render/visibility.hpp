@@ -63,15 +63,6 @@ private:
     return camera.phi_per_mm * point_in_camera + Eigen::Vector3d::UnitZ();
 }
 
-inline DepthTest::DepthTest(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& triangles, const Camera& camera,
-                            int width, int height, const VisibilityOptions& options)
-    : camera_(camera), tolerance_mm_(options.depth_tolerance_mm)
-{
-    require(options.depth_tolerance_mm >= 0, "DepthTest", "depth_tolerance_mm", "a number >= 0",
-            to_text(options.depth_tolerance_mm));
-    depth_ = render_depth(vertices, triangles, camera, width, height);
-}
-
 inline Visibility DepthTest::operator()(const Eigen::Vector3d& point_in_camera,
                                         const Eigen::Vector3d& normal_in_camera) const
 {
@@ -104,18 +95,8 @@ inline Visibility DepthTest::operator()(const Eigen::Vector3d& point_in_camera,
                                                                                         : Visibility::visible;
 }
 
-inline std::vector<Visibility> compute_visibility(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& triangles,
-                                                  const Camera& camera, int width, int height,
-                                                  const VisibilityOptions& options)
-{
-    const DepthTest test(vertices, triangles, camera, width, height, options);
-    const Eigen::Matrix3Xf normals = compute_vertex_normals(vertices, triangles);
-    std::vector<Visibility> visibility(static_cast<std::size_t>(vertices.cols()));
-    for (Eigen::Index v = 0; v < vertices.cols(); ++v) {
-        visibility[v] = test(camera.in_camera(vertices.col(v).cast<double>()),
-                             camera.camera_from_model * normals.col(v).cast<double>());
-    }
-    return visibility;
-}
-
 } // namespace lineament
+
+#ifndef LINEAMENT_COMPILED_RENDER
+#include "lineament/render/visibility_impl.hpp"
+#endif

@@ -1,0 +1,40 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/fit/joint_fitter.hpp" // before the guard: it includes this file where it is needed
+
+#ifndef LINEAMENT_FIT_JOINT_SOLVER_HPP
+#define LINEAMENT_FIT_JOINT_SOLVER_HPP
+
+#include "lineament/fit/joint_problem.hpp"
+
+#include <vector>
+
+namespace lineament::detail {
+
+/// The unknowns that a step may move: those not at a bound, or at one that the energy pushes them away from.
+[[nodiscard]] std::vector<int> free_unknowns(const JointSystem& system, const Eigen::VectorXd& down,
+                                             const Eigen::VectorXd& up);
+
+/// Sets n_f of every image, half the derivative of log det Lambda by its log s: the effective number of shape
+/// coefficients and free expressions that its landmarks determine.                       docs/joint-fit.md, Eq. (14)
+void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system);
+
+struct JointProgress
+{
+    bool has_settled = false;
+    int iterations = 0;
+    std::vector<EnergyStep> energies = {};
+};
+
+/// Lowers the energy of a round by damped Gauss-Newton steps until the step left is `tolerance` posterior standard
+/// deviations long (step^T H step = -gradient^T step), or the iterations are used up.
+void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance, int round,
+              JointProgress& progress);
+
+} // namespace lineament::detail
+
+#ifndef LINEAMENT_COMPILED_FIT
+#include "lineament/fit/joint_solver_impl.hpp"
+#endif
+
+#endif

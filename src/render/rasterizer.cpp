@@ -1,0 +1,3 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#include "lineament/render/rasterizer_impl.hpp"
