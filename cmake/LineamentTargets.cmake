@@ -78,27 +78,39 @@ function(lineament_compiled_core module)
     lineament_precompile(lineament_${module})
 endfunction()
 
-# Uses the precompiled headers of lineament_test_support, which the target links.
-function(lineament_precompiled_as_tests target)
-    target_precompile_headers(${target} REUSE_FROM lineament_test_support)
-    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
-endfunction()
-
 # Half the time to compile for large files, by Clang, of a target whose speed does not matter.
 function(lineament_compile_quickly target)
     target_compile_options(${target} PRIVATE
                            "$<$<AND:$<CXX_COMPILER_ID:Clang>,$<CONFIG:Release>>:-O1;-finline-hint-functions>")
 endfunction()
 
+# Uses the precompiled headers of the tests; the target links lineament_test_support. With LINEAMENT_QUICK_BUILD a target
+# with LITTLE_ARITHMETIC is not optimised, which halves the time again. Where much is computed that would not pay: of
+# one template instantiated in a test and in a library, say Eigen's matrix product, the linker takes the test's.
+function(lineament_precompiled_as_tests target)
+    if(LINEAMENT_QUICK_BUILD AND "LITTLE_ARITHMETIC" IN_LIST ARGN)
+        target_precompile_headers(${target} REUSE_FROM lineament_unoptimised_headers)
+        target_compile_options(${target} PRIVATE -O0)
+    else()
+        target_precompile_headers(${target} REUSE_FROM lineament_test_support)
+    endif()
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+endfunction()
+
 # A GoogleTest program tests/<module>/<module>_tests with the given sources and libraries:
 #   lineament_test(fit SOURCES a_test.cpp b_test.cpp LIBRARIES lineament::core)
+# With LITTLE_ARITHMETIC: see lineament_precompiled_as_tests.
 function(lineament_test module)
-    cmake_parse_arguments(test "" "" "SOURCES;LIBRARIES" ${ARGN})
+    cmake_parse_arguments(test "LITTLE_ARITHMETIC" "" "SOURCES;LIBRARIES" ${ARGN})
     add_executable(${module}_tests ${test_SOURCES})
     target_link_libraries(${module}_tests PRIVATE ${test_LIBRARIES} lineament_test_support GTest::gmock GTest::gtest_main)
     lineament_private_flags(${module}_tests)
     lineament_compile_quickly(${module}_tests) # what they test is optimised as ever
-    lineament_precompiled_as_tests(${module}_tests)
+    if(test_LITTLE_ARITHMETIC)
+        lineament_precompiled_as_tests(${module}_tests LITTLE_ARITHMETIC)
+    else()
+        lineament_precompiled_as_tests(${module}_tests)
+    endif()
     gtest_discover_tests(${module}_tests TEST_PREFIX "${module}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endfunction()
 

@@ -9,7 +9,7 @@
 
 #include "support/count_allocations.hpp"
 #include "support/matchers.hpp"
-#include "support/synthetic_face.hpp"
+#include "support/planted_face.hpp"
 
 #include <limits>
 #include <thread>
@@ -58,15 +58,7 @@ Planted plant(const MorphableModel& model, Random& random, double noise_px = 1.5
 /// Largest distance of a vertex between two fits [um].
 double distance_um(const MorphableModel& model, const FitResult& a, const FitResult& b)
 {
-    const Eigen::VectorXf alpha = (a.shape_coefficients - b.shape_coefficients).cast<float>();
-    Eigen::VectorXf difference = model.shape.basis.leftCols(alpha.size()) *
-                                 model.shape.standard_deviations.head(alpha.size()).cwiseProduct(alpha);
-    if (a.expression_coefficients.size() > 0) {
-        difference += model.find_expression_set(a.expression_set)->offsets *
-                      (a.expression_coefficients - b.expression_coefficients).cast<float>();
-    }
-    const Eigen::Map<const Eigen::Matrix3Xf> vertices(difference.data(), 3, model.num_vertices());
-    return 1000.0 * static_cast<double>(vertices.colwise().norm().maxCoeff());
+    return 1000 * test::largest_vertex_distance_mm(model, a, b);
 }
 
 /// Everything but timing, as one list of numbers.

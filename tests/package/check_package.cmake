@@ -20,8 +20,7 @@ if(way STREQUAL plain)
 endif()
 if(way STREQUAL solvers)
     run(${project_compiler} -std=c++20 -Wall -Wextra -Werror -O0 -I ${source_dir}/include -I ${source_dir}/tests
-        -isystem ${eigen} ${here}/plain/fit.cpp ${source_dir}/tests/support/planted_face.cpp
-        ${source_dir}/tests/support/synthetic_face.cpp -o ${work_dir}/fit)
+        -isystem ${eigen} ${here}/plain/fit.cpp -o ${work_dir}/fit)
     run(${work_dir}/fit)
     return()
 endif()

@@ -1,5 +1,6 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
+#include "lineament/core/random.hpp"
 #include "lineament/render/rasterizer.hpp"
 #include "lineament/render/triangle_coverage.hpp"
 

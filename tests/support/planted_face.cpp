@@ -54,4 +54,17 @@ double neutral_distance_mm(const Eigen::VectorXd& alpha, const Eigen::VectorXd& 
     return Eigen::Map<const Eigen::Matrix3Xf>(difference.data(), 3, model.num_vertices()).colwise().norm().mean();
 }
 
+double largest_vertex_distance_mm(const MorphableModel& model, const FitResult& a, const FitResult& b)
+{
+    const Eigen::VectorXf alpha = (a.shape_coefficients - b.shape_coefficients).cast<float>();
+    Eigen::VectorXf difference = model.shape.basis.leftCols(alpha.size()) *
+                                 model.shape.standard_deviations.head(alpha.size()).cwiseProduct(alpha);
+    if (a.expression_coefficients.size() > 0) {
+        difference += model.find_expression_set(a.expression_set)->offsets *
+                      (a.expression_coefficients - b.expression_coefficients).cast<float>();
+    }
+    const Eigen::Map<const Eigen::Matrix3Xf> vertices(difference.data(), 3, model.num_vertices());
+    return static_cast<double>(vertices.colwise().norm().maxCoeff());
+}
+
 } // namespace lineament::test

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "lineament/core/landmarks.hpp"
+#include "lineament/fit/fit_result.hpp"
 #include "support/synthetic_face.hpp"
 
 namespace lineament::test {
@@ -30,5 +31,8 @@ struct PlantedFace
 
 /// Mean distance of the vertices of two neutral faces of synthetic_face() [mm].
 [[nodiscard]] double neutral_distance_mm(const Eigen::VectorXd& alpha, const Eigen::VectorXd& other);
+
+/// Largest distance of a vertex between the shapes with expression of two fits of one model [mm].
+[[nodiscard]] double largest_vertex_distance_mm(const MorphableModel& model, const FitResult& a, const FitResult& b);
 
 } // namespace lineament::test
