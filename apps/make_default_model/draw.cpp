@@ -3,11 +3,11 @@
 //
 // The pictures of docs/model.md: mean, landmarks, levels, modes, samples and expressions of a model; and, printed, its
 // figures: modes for a share of the variance, distances between landmarks.
+#include "lineament/render/draw.hpp"
 #include "lineament/core/random.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/render/contact_sheet.hpp"
-#include "lineament/render/draw.hpp"
 #include "lineament/render/shading.hpp"
 #include "lineament/render/texture_layout.hpp"
 

@@ -7,6 +7,8 @@
 
 #include "lineament/fit/joint_problem.hpp"
 
+#include <Eigen/Core>
+
 #include <vector>
 
 namespace lineament::detail {
