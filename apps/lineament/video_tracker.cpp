@@ -335,6 +335,7 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
         file.frame_rate = static_cast<double>(rows.size() - 1) / file.duration_s;
     }
     file.is_complete = is_complete;
+    report.is_complete = is_complete;
     file.model = model_.name;
     file.method = options_.model.method;
     file.focal_px = options_.model.focal_px > 0.0 ? std::optional(options_.model.focal_px) : std::nullopt;

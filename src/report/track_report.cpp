@@ -195,7 +195,12 @@ std::string format_track_report(const TrackReport& report)
     for (std::size_t i = 0; i < report.faces.size(); ++i) {
         sections.emplace_back("face " + std::to_string(report.faces[i].id), face_section(report, report.faces[i], i));
     }
-    std::string body = strip_section(report);
+    std::string body;
+    if (!report.is_complete) {
+        body += html::card("Incomplete", "<p>The run was interrupted or the video broke off: the frames after that are "
+                                         "not in this report.</p>");
+    }
+    body += strip_section(report);
     if (sections.empty()) {
         body += html::card("Result", "<p>No face was found in this video.</p>") + status_section(all);
     }

@@ -357,6 +357,7 @@ TEST(BadInput, AnInterruptedTrackSaysWhatIsWritten)
     EXPECT_EQ(video["complete"], false);
     const std::size_t num_frames = video["frames"].get<std::size_t>();
     EXPECT_EQ(count(read_all(folder / "out/clip/frames.csv"), "\n"), num_frames + 1);
+    EXPECT_EQ(count(read_all(folder / "out/clip/report.html"), "Incomplete"), 1U);
     EXPECT_EQ(num_temporary_files(folder), 0U);
 
     const Outcome whole = run(folder, "track clip.mp4 -o out --json");
@@ -364,6 +365,7 @@ TEST(BadInput, AnInterruptedTrackSaysWhatIsWritten)
     EXPECT_EQ(summary_of(whole)["exit_code"], 0);
     const nlohmann::json whole_video = nlohmann::json::parse(read_all(folder / "out/clip/track.json"))["video"];
     EXPECT_EQ(whole_video["complete"], true);
+    EXPECT_EQ(count(read_all(folder / "out/clip/report.html"), "Incomplete"), 0U);
     EXPECT_GT(whole_video["frames"].get<std::size_t>(), num_frames);
     for (const std::string& name : file_names_in(folder / "out/clip")) {
         const std::string path = "linked/clip/" + name;

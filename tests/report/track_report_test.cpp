@@ -22,6 +22,16 @@ TEST(TrackReport, LoadsNothingAndIsWellFormed)
     EXPECT_EQ(test::unbalanced_elements(format_track_report({})), "");
 }
 
+TEST(TrackReport, SaysFirstThatItIsIncomplete)
+{
+    TrackReport report = make_track_report("clip.mp4");
+    EXPECT_EQ(format_track_report(report).find("Incomplete"), std::string::npos);
+    report.is_complete = false;
+    const std::string page = format_track_report(report);
+    EXPECT_LT(page.find("Incomplete"), page.find("Over time"));
+    EXPECT_EQ(test::unbalanced_elements(page), "");
+}
+
 TEST(TrackReport, EscapesEveryText)
 {
     TrackReport report = make_track_report(canary);

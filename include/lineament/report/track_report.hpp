@@ -33,6 +33,7 @@ struct TrackReport
     int width = 0;          ///< Of the video as shown [px].
     int height = 0;
     std::optional<double> frame_rate = std::nullopt; ///< Mean frames per second.
+    bool is_complete = true;                         ///< As TrackFile::is_complete; if not, the report says so first.
     std::string model_name = {};
     std::string program = {};                       ///< "lineament 0.1.0".
     std::vector<std::string> expression_names = {}; ///< Of the rows' coefficients.
