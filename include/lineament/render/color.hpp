@@ -36,8 +36,8 @@ struct Color
     return linear <= 0.0031308f ? linear * 12.92f : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
 }
 
-/// Linear light of an 8-bit sRGB value, from a table.
-[[nodiscard]] inline float linear_from_srgb_u8(std::uint8_t encoded)
+/// Linear light of each 8-bit sRGB value.
+[[nodiscard]] inline const std::array<float, 256>& linear_from_srgb_table()
 {
     static const std::array<float, 256> table = [] {
         std::array<float, 256> values{};
@@ -46,7 +46,13 @@ struct Color
         }
         return values;
     }();
-    return table[encoded];
+    return table;
+}
+
+/// Linear light of an 8-bit sRGB value, from a table.
+[[nodiscard]] inline float linear_from_srgb_u8(std::uint8_t encoded)
+{
+    return linear_from_srgb_table()[encoded];
 }
 
 /// 8-bit sRGB value of linear light, clamped to [0, 1]; the inverse of `linear_from_srgb_u8`.

@@ -159,6 +159,7 @@ inline Eigen::Vector4f sample_texture(const ImageU8& texture, float x, float y)
     const int row = static_cast<int>(v);
     const float right = u - static_cast<float>(column);
     const float below = v - static_cast<float>(row);
+    const std::array<float, 256>& linear = linear_from_srgb_table();
     Eigen::Vector4f sum = Eigen::Vector4f::Zero();
     for (int j = 0; j < 2; ++j) {
         for (int i = 0; i < 2; ++i) {
@@ -166,9 +167,7 @@ inline Eigen::Vector4f sample_texture(const ImageU8& texture, float x, float y)
                 texture.pixel(std::min(column + i, texture.width - 1), std::min(row + j, texture.height - 1));
             const float share = (i == 0 ? 1.0f - right : right) * (j == 0 ? 1.0f - below : below);
             const float alpha = texture.channels == 4 ? static_cast<float>(texel[3]) / 255.0f : 1.0f;
-            sum += share * premultiplied({linear_from_srgb_u8(texel[0]), linear_from_srgb_u8(texel[1]),
-                                          linear_from_srgb_u8(texel[2])},
-                                         alpha);
+            sum += share * premultiplied({linear[texel[0]], linear[texel[1]], linear[texel[2]]}, alpha);
         }
     }
     return sum;
@@ -209,20 +208,32 @@ public:
 
     [[nodiscard]] ImageF paint() const
     {
+        ImageF result(width_, height_, 4);
+        // In bands that fit into the cache; creases are looked for in the depth all around.
+        const bool looks_around = is_lit_ && options_.ambient_occlusion > 0;
+        const int band_height = looks_around ? height_ : std::max(1, 128 / options_.supersampling);
+        for (int top = 0; top < height_; top += band_height) {
+            paint_rows(top, std::min(top + band_height, height_), result);
+        }
+        return result;
+    }
+
+private:
+    void paint_rows(int top, int bottom, ImageF& result) const
+    {
         const int samples = options_.supersampling;
         Camera fine = camera_;
         fine.scale_px_per_mm *= samples;
-        fine.principal_point_px *= samples;
-        const Raster raster = rasterize(mesh_.vertices, mesh_.triangles, fine, width_ * samples, height_ * samples,
-                                        {.culling = options_.culling});
+        fine.principal_point_px = samples * (camera_.principal_point_px - Eigen::Vector2d(0, top));
+        const Raster raster = rasterize(mesh_.vertices, mesh_.triangles, fine, width_ * samples,
+                                        (bottom - top) * samples, {.culling = options_.culling});
         const std::vector<Eigen::Vector2f> corners =
             options_.mode == DrawMode::surface ? std::vector<Eigen::Vector2f>{} : project_corners(fine);
 
-        ImageF result(width_, height_, 4);
         const float share = 1.0f / static_cast<float>(samples * samples);
-        for (int row = 0; row < height_; ++row) {
+        for (int row = 0; row < bottom - top; ++row) {
             for (int column = 0; column < width_; ++column) {
-                Eigen::Map<Eigen::Vector4f> sum(result.pixel(column, row));
+                Eigen::Map<Eigen::Vector4f> sum(result.pixel(column, top + row));
                 float openness = -1.0f; // once a pixel
                 for (int j = row * samples; j < (row + 1) * samples; ++j) {
                     for (int i = column * samples; i < (column + 1) * samples; ++i) {
@@ -233,10 +244,8 @@ public:
                 }
             }
         }
-        return result;
     }
 
-private:
     [[nodiscard]] std::vector<Eigen::Vector2f> project_corners(const Camera& fine) const
     {
         std::vector<Eigen::Vector2f> corners(static_cast<std::size_t>(mesh_.vertices.cols()));
