@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: The Lineament authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Installation and the package files behind find_package(lineament CONFIG [COMPONENTS core kernels render fit io report build vision]).
+# Installation and the package files behind
+#   find_package(lineament CONFIG [COMPONENTS core kernels render fit io report build evaluation vision])
 include(CMakePackageConfigHelpers)
 
 set(lineament_config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/lineament)
 set(lineament_installed_targets lineament_core)
 if(LINEAMENT_BUILD_LIBRARIES)
-    list(APPEND lineament_installed_targets lineament_kernels lineament_render lineament_fit lineament_io lineament_report lineament_build lineament_evaluation lineament_lineament)
+    list(APPEND lineament_installed_targets lineament_kernels lineament_render lineament_fit lineament_io
+                                            lineament_report lineament_build lineament_evaluation lineament_lineament)
     if(LINEAMENT_BUILD_VISION)
         list(APPEND lineament_installed_targets lineament_vision)
     endif()

@@ -105,7 +105,7 @@ function(lineament_test module)
     add_executable(${module}_tests ${test_SOURCES})
     target_link_libraries(${module}_tests PRIVATE ${test_LIBRARIES} lineament_test_support GTest::gmock GTest::gtest_main)
     lineament_private_flags(${module}_tests)
-    lineament_compile_quickly(${module}_tests) # what they test is optimised as ever
+    lineament_compile_quickly(${module}_tests) # the libraries they test are optimised as ever
     if(test_LITTLE_ARITHMETIC)
         lineament_precompiled_as_tests(${module}_tests LITTLE_ARITHMETIC)
     else()

@@ -6,6 +6,7 @@
 #include "support/matchers.hpp"
 #include "test_meshes.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace lineament {
@@ -93,6 +94,27 @@ TEST(RenderMesh, TextureAppearsUnchangedTexelByTexel)
         largest = std::max(largest, std::abs(image.data[i] - texture.data[i]));
     }
     EXPECT_LE(largest, 1); // rounding of uv in single precision
+}
+
+TEST(RenderMesh, PictureMovesWithTheMeshWhereverItsBandsEnd)
+{
+    Random random(32);
+    ImageU8 texture(64, 64, 3);
+    for (std::uint8_t& value : texture.data) {
+        value = static_cast<std::uint8_t>(random.uniform() * 255);
+    }
+    const Mesh mesh = make_sphere(90);
+    for (const DrawMode mode : {DrawMode::surface, DrawMode::surface_and_wireframe}) {
+        ShadingOptions options{.mode = mode, .lighting = Lighting::unlit};
+        options.supersampling = 2;
+        Camera camera = centered_camera(200, 300, 1.0);
+        const ImageU8 picture = render_mesh(mesh, texture, camera, 200, 300, options);
+        camera.principal_point_px.y() += 17.0; // what ended a band now lies within one
+        const ImageU8 moved = render_mesh(mesh, texture, camera, 200, 300, options);
+        const std::size_t row = 3 * 200;
+        EXPECT_TRUE(std::equal(picture.data.begin(), picture.data.end() - 17 * row, moved.data.begin() + 17 * row));
+        EXPECT_FALSE(std::equal(picture.data.begin(), picture.data.end() - 18 * row, moved.data.begin() + 18 * row));
+    }
 }
 
 TEST(RenderMesh, TransparentTexelsShowClay)
