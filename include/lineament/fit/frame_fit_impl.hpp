@@ -113,6 +113,7 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
     if (!use_.outline.empty()) {
         shape_vertices_.resize(3, fitter.model().num_vertices());
     }
+    points_ = ModelPoints::sized(0, fitter.num_shape_coefficients(), expression_coefficients_.size());
     set_points({});
     set_weights();
 }
