@@ -291,6 +291,14 @@ public:
         };
     }
 
+    /// The joint fit with these options.
+    [[nodiscard]] FitFunction fit_with(const JointOptions& options) const
+    {
+        return [fitter = JointFitter(model_, "ibug68", options)](const LandmarkSet& landmarks) {
+            return fitter.fit(landmarks, principal_point_px).fit;
+        };
+    }
+
     /// Fits the heads first, first + 2, ... at one noise level.
     [[nodiscard]] std::vector<Pair> compare(std::size_t first, Jaw jaw, const FitFunction& fit, double noise_px) const
     {
@@ -317,24 +325,46 @@ private:
 
 constexpr std::array<double, 5> noise_levels_px = {0.0, 0.5, 1.0, 2.0, 3.0};
 
-void print_regularizations(const Experiment& experiment, FitOptions options)
+void print_noise_heading(const char* title, const char* row)
 {
-    std::printf("even heads, jaw on the outline: distance [mm] by regularisation and noise\n%-8s", "weight");
+    std::printf("\neven heads, jaw on the outline, %s: distance [mm] by noise\n%-8s", title, row);
     for (const double noise : noise_levels_px) {
         std::printf(" %6.1f%%", noise);
     }
     std::printf("     all\n");
+}
+
+/// One row: mean distance of the even heads at each level, and their mean.
+void print_even_heads(const Experiment& experiment, double row, const FitFunction& fit)
+{
+    double sum = 0.0;
+    std::printf("%-8.1f", row);
+    for (const double noise : noise_levels_px) {
+        const Comparison comparison(experiment.compare(0, Jaw::outline, fit, noise));
+        std::printf(" %7.3f", comparison.fit_mm);
+        sum += comparison.fit_mm;
+    }
+    std::printf(" %7.3f\n", sum / static_cast<double>(noise_levels_px.size()));
+    std::fflush(stdout);
+}
+
+/// What the default noise of FitOptions was chosen by.
+void print_regularizations(const Experiment& experiment, FitOptions options)
+{
+    print_noise_heading("FaceFitter", "weight");
     for (const double regularization : {0.5, 0.7, 1.0, 1.4, 2.0}) {
         options.regularization = regularization;
-        double sum = 0.0;
-        std::printf("%-8.1f", regularization);
-        for (const double noise : noise_levels_px) {
-            const Comparison comparison(experiment.compare(0, Jaw::outline, experiment.fit_with(options), noise));
-            std::printf(" %7.3f", comparison.fit_mm);
-            sum += comparison.fit_mm;
-        }
-        std::printf(" %7.3f\n", sum / static_cast<double>(noise_levels_px.size()));
-        std::fflush(stdout);
+        print_even_heads(experiment, regularization, experiment.fit_with(options));
+    }
+}
+
+/// What the default noise of JointOptions was chosen by.
+void print_outline_noise(const Experiment& experiment, JointOptions options)
+{
+    print_noise_heading("JointFitter", "outline");
+    for (const double sigma_mm : {4.0, 6.0, 8.0, 10.0, 12.0, 16.0}) {
+        options.contour_sigma_mm = sigma_mm;
+        print_even_heads(experiment, sigma_mm, experiment.fit_with(options));
     }
 }
 
@@ -383,15 +413,14 @@ int run(const std::string& path, int num_heads, const std::string& expressions)
     const Experiment experiment(path, num_heads);
     FitOptions options;
     options.expression_set = expressions == "none" ? "" : expressions;
+    JointOptions joint_options;
+    joint_options.expression_set = options.expression_set;
     print_regularizations(experiment, options);
+    print_outline_noise(experiment, joint_options);
     print_by_noise(experiment, "jaw on the outline", Jaw::outline, experiment.fit_with(options));
     print_regions(experiment, experiment.fit_with(options));
     print_by_noise(experiment, "jaw at fixed vertices", Jaw::vertices, experiment.fit_with(options));
-    JointOptions joint_options;
-    joint_options.expression_set = options.expression_set;
-    const JointFitter joint(experiment.model(), "ibug68", joint_options);
-    print_by_noise(experiment, "jaw on the outline, JointFitter", Jaw::outline,
-                   [&](const LandmarkSet& landmarks) { return joint.fit(landmarks, principal_point_px).fit; });
+    print_by_noise(experiment, "jaw on the outline, JointFitter", Jaw::outline, experiment.fit_with(joint_options));
     options.contour = ContourMode::ignored;
     print_by_noise(experiment, "jaw ignored but for the chin", Jaw::outline, experiment.fit_with(options));
     return 0;

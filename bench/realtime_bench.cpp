@@ -20,6 +20,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 
 namespace {
@@ -186,6 +187,74 @@ void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string exp
         benchmark::Counter::kIsIterationInvariantRate, benchmark::Counter::kIs1000);
 }
 
+/// One identity from images of one person with a camera and expression each; time per image and round.
+void sweep(benchmark::State& state, const Kernels& kernels, std::string expression_set, int num_images)
+{
+    const FitOptions options = options_of(ContourMode::front_facing, expression_set);
+    const RealtimeFitter& fitter = fitter_of(kernels, options, MeshStorage::float32);
+    RealtimeWorkspace workspace = fitter.make_workspace();
+    std::vector<LandmarkSet> images;
+    const std::vector<LandmarkSet> frames = video();
+    for (int f = 0; f < num_images; ++f) {
+        images.push_back(frames[static_cast<std::size_t>(f) % frames.size()]);
+    }
+    MultiFrameResult result;
+    for (auto _ : state) {
+        fitter.fit_frames(images, centre, workspace, result);
+    }
+    state.SetLabel(to_string(result.status));
+    state.counters["time_per_image_and_round"] =
+        benchmark::Counter(static_cast<double>(num_images * options.iterations),
+                           benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+    state.counters["reference_fits"] = static_cast<double>(workspace.num_reference_fits());
+}
+
+void reference_sweep(benchmark::State& state, const FitOptions& options, int num_images)
+{
+    const RealtimeFitter& fitter = fitter_of(kernels::scalar_kernels(), options, MeshStorage::float32);
+    const std::vector<LandmarkSet> frames = video();
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(
+            fit_frames(fitter.reference(), std::span(frames).first(num_images), centre).shape_coefficients.data());
+    }
+}
+
+/// Meshes of many fits at once, time per face.
+void mesh_batch(benchmark::State& state, const Kernels& kernels, std::string expression_set, MeshStorage storage)
+{
+    const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set), storage);
+    RealtimeWorkspace workspace = fitter.make_workspace();
+    std::vector<FitResult> fits(64);
+    for (std::size_t f = 0; f < fits.size(); ++f) {
+        fitter.fit(faces(-1)[f], centre, workspace, fits[f]);
+    }
+    Eigen::MatrixXf shapes;
+    for (auto _ : state) {
+        fitter.shapes_of(fits, workspace, shapes);
+        benchmark::DoNotOptimize(shapes.data());
+    }
+    state.counters["time_per_face"] = benchmark::Counter(
+        static_cast<double>(fits.size()), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
+/// Fits and meshes of many faces in each of two threads.
+void batch(benchmark::State& state, const Kernels& kernels, const FitOptions& options, MeshStorage storage)
+{
+    const RealtimeFitter& fitter = fitter_of(kernels, options, storage);
+    RealtimeWorkspace workspace = fitter.make_workspace();
+    const std::vector<LandmarkSet>& sets = faces(-1);
+    std::vector<FitResult> fits(sets.size());
+    Eigen::MatrixXf shapes;
+    for (auto _ : state) {
+        for (std::size_t f = 0; f < sets.size(); ++f) {
+            fitter.fit(sets[f], centre, workspace, fits[f]);
+        }
+        fitter.shapes_of(fits, workspace, shapes);
+        benchmark::DoNotOptimize(shapes.data());
+    }
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(sets.size()));
+}
+
 /// The limit of the mesh: as many bytes read once, in order, with one multiply-add for each number.
 void read_alone(benchmark::State& state, const Kernels& kernels)
 {
@@ -286,6 +355,7 @@ void register_all()
     add("reference/front", [=](benchmark::State& state) { reference_fit(state, front, -1); });
     add("reference/front_arkit47", [=](benchmark::State& state) { reference_fit(state, front47, -1); });
     add("reference/both_yaw30", [=](benchmark::State& state) { reference_fit(state, both, 30); });
+    add("reference/sweep_10", [=](benchmark::State& state) { reference_sweep(state, front, 10); });
     for (const Kernels* k : kernels::supported_kernels()) {
         const Kernels& kernels = *k;
         const std::string set = std::string(kernels.name) + "/";
@@ -295,7 +365,7 @@ void register_all()
         add_fit("front", front, -1, Mesh::none);
         benchmark::RegisterBenchmark(
             (set + "batch").c_str(),
-            [=, &kernels](benchmark::State& s) { whole_fit(s, kernels, front, -1, Mesh::none); })
+            [=, &kernels](benchmark::State& s) { batch(s, kernels, front, MeshStorage::float32); })
             ->Threads(2)
             ->UseRealTime()
             ->Unit(benchmark::kMicrosecond);
@@ -316,6 +386,10 @@ void register_all()
                 [=, &kernels](benchmark::State& s) { frozen_step(s, kernels, expressions, Mesh::float32); });
             add(set + "mesh_" + name,
                 [=, &kernels](benchmark::State& s) { mesh_alone(s, kernels, expressions, MeshStorage::float32); });
+            add(set + "mesh_batch_" + name,
+                [=, &kernels](benchmark::State& s) { mesh_batch(s, kernels, expressions, MeshStorage::float32); });
+            add(set + "sweep_10_" + name, [=, &kernels](benchmark::State& s) { sweep(s, kernels, expressions, 10); });
+            add(set + "sweep_100_" + name, [=, &kernels](benchmark::State& s) { sweep(s, kernels, expressions, 100); });
             add(set + "mesh_int16_" + name,
                 [=, &kernels](benchmark::State& s) { mesh_alone(s, kernels, expressions, MeshStorage::int16); });
         }

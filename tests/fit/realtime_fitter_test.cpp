@@ -339,6 +339,33 @@ TEST(RealtimeFitter, GivesTheMeshOfAFit)
                                               "fit.shape_coefficients"));
 }
 
+TEST(RealtimeFitter, GivesTheMeshesOfManyFitsAtOnce)
+{
+    Random random(781);
+    for (const MeshStorage storage : {MeshStorage::float32, MeshStorage::int16}) {
+        for (const char* set : {"ekman6", ""}) {
+            Bench bench(face_model(), with_contour(ContourMode::fixed, set), kernels::dispatched_kernels(), storage);
+            std::vector<FitResult> fits; // more than are done in one go
+            for (int f = 0; f < 40; ++f) {
+                fits.push_back(bench.fit(plant(face_model(), random)));
+            }
+            Eigen::MatrixXf shapes;
+            bench.fitter.shapes_of(fits, bench.workspace, shapes);
+            ASSERT_EQ(shapes.cols(), 40);
+            for (std::size_t f = 0; f < fits.size(); ++f) {
+                const Eigen::Map<const Eigen::Matrix3Xf> alone = bench.fitter.shape_of(fits[f], bench.workspace);
+                EXPECT_EQ(shapes.col(static_cast<Eigen::Index>(f)), alone.reshaped()) << f;
+            }
+            EXPECT_NE(shapes.col(0), shapes.col(39)); // the twin
+            fits[33].expression_coefficients.conservativeResize(99);
+            const Eigen::MatrixXf before = shapes;
+            EXPECT_TRUE(test::throws<InvalidArgument>([&] { bench.fitter.shapes_of(fits, bench.workspace, shapes); },
+                                                      "fit.expression_coefficients"));
+            EXPECT_EQ(shapes, before);
+        }
+    }
+}
+
 TEST(RealtimeFitter, HasTheStatusesOfFaceFitterWhereThereIsNoAnswer)
 {
     Random random(79);
@@ -441,7 +468,8 @@ TEST(RealtimeFitter, AllocatesNothingOncePrepared)
                 test::add_depth(face_model(), faces.back().camera, 0, faces.back().landmarks);
             }
             const FrozenIdentity frozen = bench.fitter.freeze(0.5 * test::random_normal(random, 60));
-            bench.fit(faces[0]);
+            const std::vector<FitResult> results(50, bench.fit(faces[0]));
+            Eigen::MatrixXf shapes(3 * face_model().num_vertices(), 50);
             const long before = test::num_allocations();
             double sum = 0;
             for (const Planted& face : faces) {
@@ -452,6 +480,7 @@ TEST(RealtimeFitter, AllocatesNothingOncePrepared)
                                                      bench.workspace, bench.result);
                 sum += bench.fitter.shape_of(frozen, bench.result, bench.workspace)(0, 0);
             }
+            bench.fitter.shapes_of(results, bench.workspace, shapes);
             const long num_fits_allocations = test::num_allocations() - before;
             EXPECT_EQ(bench.workspace.num_reference_fits(), 0);
             EXPECT_EQ(bench.workspace.num_reference_solves(), 0);

@@ -50,6 +50,7 @@ set(definitions
     realtime_contour_impl.hpp
     realtime_fit_impl.hpp
     realtime_fitter_impl.hpp
+    realtime_frames_impl.hpp
     realtime_pack_impl.hpp
     realtime_result_impl.hpp
     realtime_solve_impl.hpp

@@ -4,7 +4,9 @@
 // What RealtimeFitter packs of a model, and the buffers it works in.                                  docs/realtime.md
 #pragma once
 
+#include "lineament/camera/camera.hpp"
 #include "lineament/fit/contour.hpp"
+#include "lineament/fit/fit_result.hpp"
 #include "lineament/kernels/aligned_buffer.hpp"
 #include "lineament/kernels/kernels.hpp"
 
@@ -14,11 +16,15 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace lineament::detail {
 
 using kernels::AlignedBuffer;
+
+/// Faces whose coefficients stay in the nearest cache, with a panel's columns.
+inline constexpr int batch_size = 32;
 
 /// Cells of DepthBuffer along each axis at most.
 inline constexpr int max_cells = 1024;
@@ -78,6 +84,17 @@ struct MapEntry
     bool is_measured = true;        ///< Its noise is finite.
 };
 
+/// Points that a fit evaluates together.
+enum class PointSet
+{
+    fixed,
+    rest,
+    candidates,
+    left_region,
+    right_region,
+};
+inline constexpr int num_point_sets = 5;
+
 /// A model in single precision, laid out for the kernels.
 struct RealtimePack
 {
@@ -114,15 +131,31 @@ struct RealtimePack
     AlignedBuffer<std::int16_t> mesh_expression = {};
     std::vector<float> mesh_identity_scales = {}; ///< Of the columns.
     std::vector<float> mesh_expression_scales = {};
+
+    [[nodiscard]] const PointPanels& panels(PointSet set) const
+    {
+        switch (set) {
+        case PointSet::fixed:
+            return fixed;
+        case PointSet::rest:
+            return rest;
+        case PointSet::candidates:
+            return candidates;
+        case PointSet::left_region:
+            return regions[static_cast<int>(FaceSide::left)].vertices;
+        case PointSet::right_region:
+            break;
+        }
+        return regions[static_cast<int>(FaceSide::right)].vertices;
+    }
 };
 
-/// S(a, 0) wherever a fit looks.
+/// S(a, 0) wherever a fit looks, each set of points evaluated when it is first asked for.
 struct NeutralShape
 {
-    AlignedBuffer<float> fixed = {};
-    AlignedBuffer<float> rest = {};
-    AlignedBuffer<float> candidates = {};
-    std::array<AlignedBuffer<float>, 2> regions = {};
+    AlignedBuffer<float> alpha_row = {}; ///< What the known sets belong to.
+    std::array<bool, num_point_sets> is_known = {};
+    std::array<AlignedBuffer<float>, num_point_sets> points = {};
     AlignedBuffer<float> contour = {}; ///< Of every row of contour_rows; frozen identities only.
     AlignedBuffer<float> mesh = {};
 };
@@ -170,22 +203,56 @@ struct OutlineLandmark
     double confidence;
 };
 
-/// Everything a fit writes; sized once.
-struct RealtimeBuffers
+/// What the fit of one image keeps from step to step, beside the identity.
+struct RealtimeFrame
 {
-    NeutralShape neutral = {};
-    std::vector<double> alpha = {}, psi = {}, coefficients = {};
-    AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
-
     std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
     std::vector<int> map_indices = {};       ///< Of each landmark given.
     std::vector<double> fixed_u = {}, fixed_v = {}, fixed_confidence = {};
     std::vector<std::optional<double>> fixed_depth_px = {};
     std::array<std::vector<OutlineLandmark>, 2> outline = {};
+    bool has_outline = false;
+    bool has_depth = false; ///< Of any fixed point.
+    bool is_nominal = true; ///< Every fixed point seen with confidence 1: the Gram matrices hold.
+    int num_fixed_seen = 0;
 
-    AlignedBuffer<float> fixed = {}, rest = {}; ///< S(a, psi).
     std::vector<RealtimeMatch> matches = {};
     std::vector<int> match_rows = {};
+
+    std::vector<double> psi = {};
+    std::vector<signed char> bound_state = {}; ///< 0 free, -1 at 0, 1 at the upper bound.
+    int num_held = 0;
+    ContourView view = ContourView::frontal;
+    Camera camera = {};
+    std::array<float, 6> jacobian = {}; ///< s R_2.
+    bool has_scale = false;
+    double scale_factor = 1; ///< Weight of a point: this times its information.
+    FitStatus status = FitStatus::success;
+    std::string reason = {};
+};
+
+/// What several images say of the identity at given cameras and expressions, whatever their number: for each point
+/// sum w J^T J (xx yy zz xy xz yz) and sum w J^T (y - x).                                      docs/realtime.md
+struct IdentitySums
+{
+    std::array<double, 6> grams = {}; ///< How often each matrix of RealtimePack::identity_grams counts.
+    std::vector<double> fixed_information = {}, fixed_right_side = {}; ///< The former of images that lack a point.
+    bool has_fixed_information = false;
+    std::vector<double> contour_information = {}, contour_right_side = {}; ///< Of each of contour_rows.
+    std::vector<unsigned char> is_touched = {};
+    std::vector<int> touched = {}; ///< Rows that are not zero.
+};
+
+/// Everything a fit writes; sized once.
+struct RealtimeBuffers
+{
+    std::vector<RealtimeFrame> frames = {}; ///< The first one is that of single fits.
+    IdentitySums sums = {};
+    NeutralShape neutral = {};
+    std::vector<double> alpha = {};
+    AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
+
+    AlignedBuffer<float> fixed = {}, rest = {}; ///< S(a, psi).
     AlignedBuffer<float> match_neutral = {}, match_offset = {}, match_positions = {};
 
     AlignedBuffer<double> pose_points = {};
@@ -196,7 +263,6 @@ struct RealtimeBuffers
     AlignedBuffer<float> system = {}; ///< Widest of all.
     AlignedBuffer<float> gram = {};
     AlignedBuffer<float> right_side = {}, step = {}, free_step = {}, gradient = {};
-    std::vector<signed char> bound_state = {}; ///< 0 free, -1 at 0, 1 at the upper bound.
     std::vector<signed char> next_state = {};
     std::vector<int> free = {};
 
@@ -216,6 +282,8 @@ struct RealtimeBuffers
     std::vector<double> projected_u = {}, projected_v = {};
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
+    AlignedBuffer<float> batch_coefficients = {}; ///< Of batch_size faces.
+    AlignedBuffer<float> batch_panel = {};
 };
 
 } // namespace lineament::detail

@@ -16,20 +16,21 @@ inline constexpr float band_mm = 4.0f;
 
 inline void RealtimeFit::match_contour()
 {
-    if (has_outline_) {
+    if (frame_.has_outline) {
         const FitOptions& options = fitter_.reference_.options();
-        view_ = contour_view(angles_from_rotation(camera_.camera_from_model).yaw, view_, options.contour_matching);
-        work_.matches.clear();
-        work_.match_rows.clear();
+        frame_.view = contour_view(angles_from_rotation(frame_.camera.camera_from_model).yaw, frame_.view,
+                                   options.contour_matching);
+        frame_.matches.clear();
+        frame_.match_rows.clear();
         bool has_candidates = false;
         for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
-            if (work_.outline[static_cast<int>(side)].empty()) {
+            if (frame_.outline[static_cast<int>(side)].empty()) {
                 continue;
             }
-            if (view_ != (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left)) {
+            if (frame_.view != (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left)) {
                 if (!has_candidates) {
                     has_candidates = true;
-                    evaluate(pack_.candidates, neutral().candidates, work_.neutral.candidates, work_.candidates);
+                    evaluate(PointSet::candidates, work_.candidates);
                 }
                 match_candidates(side);
             } else if (options.contour == ContourMode::both &&
@@ -45,9 +46,9 @@ inline void RealtimeFit::match_contour()
 
 inline void RealtimeFit::add_match(const OutlineLandmark& landmark, int row)
 {
-    work_.matches.push_back(
+    frame_.matches.push_back(
         {landmark.landmark_index, landmark.u, landmark.v, landmark.confidence * pack_.contour_information});
-    work_.match_rows.push_back(row);
+    frame_.match_rows.push_back(row);
 }
 
 /// Position of the point nearest to (u, v) of the first `count` projected ones and the squared distance; -1: none.
@@ -84,11 +85,11 @@ inline void RealtimeFit::match_candidates(FaceSide side_name)
     const float* points = work_.candidates.data() + 3 * region.first_candidate;
     const int count = static_cast<int>(region.candidate_rows.size());
     for (int i = 0; i < count; ++i) {
-        const Eigen::Vector2d seen = project_point(camera_, points[3 * i], points[3 * i + 1], points[3 * i + 2]);
+        const Eigen::Vector2d seen = project_point(frame_.camera, points[3 * i], points[3 * i + 1], points[3 * i + 2]);
         work_.projected_u[i] = seen.x();
         work_.projected_v[i] = seen.y();
     }
-    for (const OutlineLandmark& landmark : work_.outline[side]) {
+    for (const OutlineLandmark& landmark : frame_.outline[side]) {
         const int nearest = nearest_projected(work_, count, landmark.u, landmark.v).first;
         if (nearest >= 0) {
             add_match(landmark, region.candidate_rows[nearest]);
@@ -101,21 +102,21 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
     const int side = static_cast<int>(side_name);
     const ContourRegion& region = pack_.regions[side];
     const ContourOptions& options = fitter_.reference_.options().contour_matching;
-    evaluate(region.vertices, neutral().regions[side], work_.neutral.regions[side], work_.region);
+    evaluate(side_name == FaceSide::left ? PointSet::left_region : PointSet::right_region, work_.region);
     find_silhouette(region);
 
     const int step = region.vertices.axis_step;
     int count = 0;
     for (const int vertex : work_.silhouette) {
         const float* points = work_.region.data() + vertex;
-        const Eigen::Vector2d seen = project_point(camera_, points[0], points[step], points[2 * step]);
+        const Eigen::Vector2d seen = project_point(frame_.camera, points[0], points[step], points[2 * step]);
         work_.projected_u[count] = seen.x();
         work_.projected_v[count] = seen.y();
         work_.projected_rows[count] = region.rows[vertex];
         ++count;
     }
-    const double max_distance_px = options.max_distance_mm * camera_.scale_px_per_mm;
-    const std::vector<OutlineLandmark>& outline = work_.outline[side];
+    const double max_distance_px = options.max_distance_mm * frame_.camera.scale_px_per_mm;
+    const std::vector<OutlineLandmark>& outline = frame_.outline[side];
     if (options.occluding_match == OccludingMatch::landmark_to_silhouette) {
         for (const OutlineLandmark& landmark : outline) {
             const auto [nearest, squared] = nearest_projected(work_, count, landmark.u, landmark.v);
@@ -158,7 +159,7 @@ inline void RealtimeFit::find_silhouette(const ContourRegion& region)
 {
     const int step = region.vertices.axis_step;
     float transform[12];
-    set_transform(camera_, transform);
+    set_transform(frame_.camera, transform);
     kernels_.transform_points(work_.region.data(), step, region.vertices.num_points, transform, work_.seen.data(),
                               step);
     const float* x = work_.seen.data();
@@ -198,7 +199,7 @@ inline float RealtimeFit::update_occluders()
     }
     double moved_mm = std::min(sum, std::sqrt(squares) * pack_.shape_norm);
     for (int j = 0; j < pack_.num_expressions; ++j) {
-        moved_mm += std::abs(work_.psi[j] - work_.occluder_psi[j]) * pack_.expression_reach[j];
+        moved_mm += std::abs(frame_.psi[j] - work_.occluder_psi[j]) * pack_.expression_reach[j];
     }
     if (!work_.has_occluders || !(moved_mm < 6)) {
         kernels_.combine_panels(pack_.occluders.mean.data(), pack_.occluders.identity.data(),
@@ -207,7 +208,7 @@ inline float RealtimeFit::update_occluders()
         kernels_.combine_panels(work_.occluders.data(), pack_.occluders.expression.data(), pack_.occluders.num_panels,
                                 pack_.num_expressions, work_.psi_row.data(), work_.occluders.data());
         work_.occluder_alpha = work_.alpha;
-        work_.occluder_psi = work_.psi;
+        work_.occluder_psi = frame_.psi;
         work_.has_occluders = true;
         moved_mm = 0;
     }
@@ -229,7 +230,7 @@ inline void RealtimeFit::find_near_triangles(float moved_mm, const SilhouetteExt
     const int step = pack_.occluders.axis_step;
     const int count = pack_.occluders.num_points;
     float transform[12];
-    set_transform(camera_, transform);
+    set_transform(frame_.camera, transform);
     const float depth_mm = static_cast<float>(fitter_.reference_.options().contour_matching.occlusion_depth_mm);
     const float nearest = extent.farthest - depth_mm;
     kernels_.transform_points(work_.occluders.data(), step, count, transform, work_.occluders_seen.data(), step);

@@ -23,26 +23,36 @@ inline constexpr float least_pivot = 1e-5f;
 class RealtimeFit
 {
 public:
-    RealtimeFit(const RealtimeFitter& fitter, const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
-                RealtimeWorkspace& workspace, const FrozenIdentity* frozen)
+    /// @param frame  Of the workspace; holds what an earlier RealtimeFit of these landmarks left in it.
+    RealtimeFit(const RealtimeFitter& fitter, const LandmarkSet& landmarks, RealtimeWorkspace& workspace, int frame,
+                const FrozenIdentity* frozen)
         : fitter_(fitter), pack_(fitter.pack_), kernels_(*fitter.kernels_), landmarks_(landmarks),
-          workspace_(workspace), work_(workspace.buffers_), frozen_(frozen)
-    {
-        camera_.principal_point_px = principal_point_px;
-    }
+          workspace_(workspace), work_(workspace.buffers_), frame_(work_.frames[frame]), frozen_(frozen)
+    {}
 
     /// False: FaceFitter must do it (it also says what is wrong with the input); then `result` is untouched.
-    [[nodiscard]] bool fit(const FitResult* start, FitResult& result);
+    [[nodiscard]] bool fit(const Eigen::Vector2d& principal_point_px, const FitResult* start, FitResult& result);
+
+    // The parts of a fit. Of several images of one person each takes them in turn, at the identity in the workspace.
+
+    /// Reads the landmarks and finds the first pose, from psi of the start.
+    [[nodiscard]] bool begin(const Eigen::Vector2d& principal_point_px, const FitResult* start);
+    /// Takes up the frame again after the identity has changed.
+    void resume();
+    [[nodiscard]] bool match_and_estimate_pose();
+    void add_to(IdentitySums& sums);
+    void fit_expression();
+    void turn_by_depth();
+    void write(FitResult& result, int iterations);
 
 private:
     [[nodiscard]] bool read_landmarks();
-    [[nodiscard]] bool read_start(const FitResult* start);
-    [[nodiscard]] const NeutralShape& neutral() const { return frozen_ ? frozen_->neutral_ : work_.neutral; }
+    [[nodiscard]] bool read_expressions(const FitResult* start);
+    [[nodiscard]] bool read_identity(const FitResult* start);
 
     void update_rows();
-    void evaluate(const PointPanels& panels, const AlignedBuffer<float>& frozen_neutral, AlignedBuffer<float>& neutral,
-                  AlignedBuffer<float>& out);
-    void update_fixed_neutral();
+    [[nodiscard]] const float* neutral(PointSet set);
+    void evaluate(PointSet set, AlignedBuffer<float>& out);
     void update_positions();
     void update_matches_neutral();
 
@@ -59,13 +69,12 @@ private:
     [[nodiscard]] bool estimate_pose();
     [[nodiscard]] bool estimate_pose_closed_form(const double* moments);
     void update_jacobian();
-    void turn_by_depth();
     void update_residuals();
+    [[nodiscard]] std::array<double, 6> gram_factors() const;
     void add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int width,
                            const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram);
     void add_right_side(const AlignedBuffer<float>& fixed_rows, int width);
     void fit_identity();
-    void fit_expression();
     [[nodiscard]] bool solve_expression();
     void fit_expression_in_double();
     void fit_identity_in_double();
@@ -80,10 +89,8 @@ private:
     [[nodiscard]] Reference reference_points() const;
     [[nodiscard]] double fixed_weight(int f) const
     {
-        return scale_factor_ * pack_.fixed_information[f] * work_.fixed_confidence[f];
+        return frame_.scale_factor * pack_.fixed_information[f] * frame_.fixed_confidence[f];
     }
-
-    void write(FitResult& result, int iterations);
 
     const RealtimeFitter& fitter_;
     const RealtimePack& pack_;
@@ -91,38 +98,31 @@ private:
     const LandmarkSet& landmarks_;
     RealtimeWorkspace& workspace_;
     RealtimeBuffers& work_;
+    RealtimeFrame& frame_;
     const FrozenIdentity* frozen_;
 
-    bool has_outline_ = false;
-    bool is_nominal_ = true; ///< Every fixed point seen with confidence 1: the Gram matrices hold.
-    bool has_scale_ = false;
-    double scale_factor_ = 1; ///< Weight of a point: this times its information.
-    int num_fixed_seen_ = 0;
-    bool has_depth_ = false; ///< Of any fixed point.
-    ContourView view_ = ContourView::frontal;
-    Camera camera_ = {};
-    float jacobian_[6] = {}; ///< s R_2.
-    FitStatus status_ = FitStatus::success;
-    std::string reason_ = {};
     FitStatus identity_status_ = FitStatus::success;
     std::string identity_reason_ = {};
-    int num_held_ = 0;
     int num_near_triangles_ = 0;
 };
 
 inline bool RealtimeFit::read_landmarks()
 {
     const FaceFitter& reference = fitter_.reference_;
-    if (!camera_.principal_point_px.allFinite() || landmarks_.scheme != reference.scheme()) {
+    if (!frame_.camera.principal_point_px.allFinite() || landmarks_.scheme != reference.scheme()) {
         return false;
     }
-    std::fill(work_.landmark_of_fixed.begin(), work_.landmark_of_fixed.end(), -1);
-    std::fill(work_.fixed_confidence.begin(), work_.fixed_confidence.end(), 0.0);
-    std::fill(work_.fixed_u.begin(), work_.fixed_u.end(), 0.0);
-    std::fill(work_.fixed_v.begin(), work_.fixed_v.end(), 0.0);
-    work_.map_indices.clear();
-    work_.outline[0].clear();
-    work_.outline[1].clear();
+    frame_.has_outline = false;
+    frame_.has_depth = false;
+    frame_.is_nominal = true;
+    frame_.num_fixed_seen = 0;
+    std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
+    std::fill(frame_.fixed_confidence.begin(), frame_.fixed_confidence.end(), 0.0);
+    std::fill(frame_.fixed_u.begin(), frame_.fixed_u.end(), 0.0);
+    std::fill(frame_.fixed_v.begin(), frame_.fixed_v.end(), 0.0);
+    frame_.map_indices.clear();
+    frame_.outline[0].clear();
+    frame_.outline[1].clear();
     const LandmarkMap& map = reference.landmark_map();
     for (std::size_t l = 0; l < landmarks_.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks_.landmarks[l];
@@ -132,7 +132,7 @@ inline bool RealtimeFit::read_landmarks()
         }
         const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name;
         const int index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
-        work_.map_indices.push_back(index);
+        frame_.map_indices.push_back(index);
         if (landmark.confidence == 0) {
             continue;
         }
@@ -143,33 +143,33 @@ inline bool RealtimeFit::read_landmarks()
             continue;
         }
         const MapEntry& entry = pack_.map[index];
-        const Eigen::Vector2d point = landmark.point_px - camera_.principal_point_px;
+        const Eigen::Vector2d point = landmark.point_px - frame_.camera.principal_point_px;
         if (entry.fixed_index >= 0) {
-            if (work_.landmark_of_fixed[entry.fixed_index] >= 0) {
+            if (frame_.landmark_of_fixed[entry.fixed_index] >= 0) {
                 return false; // seen twice
             }
-            work_.landmark_of_fixed[entry.fixed_index] = static_cast<int>(l);
-            work_.fixed_u[entry.fixed_index] = point.x();
-            work_.fixed_v[entry.fixed_index] = point.y();
-            work_.fixed_depth_px[entry.fixed_index] = landmark.depth_px;
-            has_depth_ = has_depth_ || landmark.depth_px;
-            work_.fixed_confidence[entry.fixed_index] = landmark.confidence;
-            is_nominal_ = is_nominal_ && landmark.confidence == 1;
-            ++num_fixed_seen_;
+            frame_.landmark_of_fixed[entry.fixed_index] = static_cast<int>(l);
+            frame_.fixed_u[entry.fixed_index] = point.x();
+            frame_.fixed_v[entry.fixed_index] = point.y();
+            frame_.fixed_depth_px[entry.fixed_index] = landmark.depth_px;
+            frame_.has_depth = frame_.has_depth || landmark.depth_px;
+            frame_.fixed_confidence[entry.fixed_index] = landmark.confidence;
+            frame_.is_nominal = frame_.is_nominal && landmark.confidence == 1;
+            ++frame_.num_fixed_seen;
         } else if (entry.is_outline && pack_.has_contour) {
-            std::vector<OutlineLandmark>& outline = work_.outline[static_cast<int>(entry.side)];
+            std::vector<OutlineLandmark>& outline = frame_.outline[static_cast<int>(entry.side)];
             if (outline.size() == 8) {
                 return false;
             }
             outline.push_back({static_cast<int>(l), point.x(), point.y(), landmark.confidence});
-            has_outline_ = has_outline_ || entry.is_measured;
+            frame_.has_outline = frame_.has_outline || entry.is_measured;
         }
     }
-    is_nominal_ = is_nominal_ && num_fixed_seen_ == pack_.fixed.num_points;
+    frame_.is_nominal = frame_.is_nominal && frame_.num_fixed_seen == pack_.fixed.num_points;
     return true;
 }
 
-inline bool RealtimeFit::read_start(const FitResult* start)
+inline bool RealtimeFit::read_identity(const FitResult* start)
 {
     if (frozen_ != nullptr) {
         std::copy_n(frozen_->shape_coefficients_.data(), pack_.num_shape, work_.alpha.begin());
@@ -181,41 +181,70 @@ inline bool RealtimeFit::read_start(const FitResult* start)
         }
         std::copy_n(start->shape_coefficients.data(), pack_.num_shape, work_.alpha.begin());
     }
-    if (start == nullptr) {
-        std::fill(work_.psi.begin(), work_.psi.end(), 0.0);
-        return true;
-    }
-    if (start->expression_coefficients.size() != pack_.num_expressions || !start->expression_coefficients.allFinite()) {
-        return false;
-    }
-    std::copy_n(start->expression_coefficients.data(), pack_.num_expressions, work_.psi.begin());
     return true;
 }
 
-inline bool RealtimeFit::fit(const FitResult* start, FitResult& result)
+inline bool RealtimeFit::read_expressions(const FitResult* start)
 {
-    if (!read_landmarks() || !read_start(start) || num_fixed_seen_ < 4) {
+    if (start == nullptr) {
+        std::fill(frame_.psi.begin(), frame_.psi.end(), 0.0);
+    } else {
+        if (start->expression_coefficients.size() != pack_.num_expressions ||
+            !start->expression_coefficients.allFinite()) {
+            return false;
+        }
+        std::copy_n(start->expression_coefficients.data(), pack_.num_expressions, frame_.psi.begin());
+    }
+    for (int j = 0; j < pack_.num_expressions; ++j) {
+        frame_.bound_state[j] = frame_.psi[j] > 0 ? 0 : -1;
+    }
+    return true;
+}
+
+inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const FitResult* start)
+{
+    frame_.camera = {};
+    frame_.camera.principal_point_px = principal_point_px;
+    frame_.view = ContourView::frontal;
+    frame_.has_scale = false;
+    frame_.scale_factor = 1;
+    frame_.num_held = 0;
+    frame_.status = FitStatus::success;
+    frame_.reason.clear();
+    frame_.matches.clear();
+    frame_.match_rows.clear();
+    if (!read_landmarks() || !read_expressions(start) || frame_.num_fixed_seen < 4) {
+        return false;
+    }
+    update_rows();
+    update_positions();
+    return estimate_pose();
+}
+
+inline void RealtimeFit::resume()
+{
+    update_rows();
+    update_matches_neutral();
+    update_positions();
+}
+
+inline bool RealtimeFit::match_and_estimate_pose()
+{
+    match_contour();
+    return estimate_pose();
+}
+
+inline bool RealtimeFit::fit(const Eigen::Vector2d& principal_point_px, const FitResult* start, FitResult& result)
+{
+    if (!read_identity(start) || !begin(principal_point_px, start)) {
         return false;
     }
     const FitOptions& options = fitter_.reference_.options();
-    std::fill(work_.bound_state.begin(), work_.bound_state.end(), static_cast<signed char>(-1));
-    for (int j = 0; j < pack_.num_expressions; ++j) {
-        work_.bound_state[j] = work_.psi[j] > 0 ? 0 : -1;
-    }
-    work_.matches.clear();
-    work_.match_rows.clear();
-    update_rows();
-    update_fixed_neutral();
-    update_positions();
-    if (!estimate_pose()) {
-        return false;
-    }
     if (start == nullptr || frozen_ != nullptr) {
         fit_expression();
     }
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
-        match_contour();
-        if (!estimate_pose()) {
+        if (!match_and_estimate_pose()) {
             return false;
         }
         if (frozen_ == nullptr) {
@@ -235,49 +264,63 @@ inline bool RealtimeFit::fit(const FitResult* start, FitResult& result)
 
 inline void RealtimeFit::update_rows()
 {
+    for (int j = 0; j < pack_.num_expressions; ++j) {
+        work_.psi_row[j] = static_cast<float>(frame_.psi[j]);
+    }
     for (int j = 0; j < pack_.num_shape; ++j) {
         work_.alpha_row[j] = static_cast<float>(work_.alpha[j]);
     }
-    for (int j = 0; j < pack_.num_expressions; ++j) {
-        work_.psi_row[j] = static_cast<float>(work_.psi[j]);
+    if (frozen_ != nullptr) {
+        return; // its neutral face has been computed
+    }
+    NeutralShape& neutral = work_.neutral;
+    const float* alpha = work_.alpha_row.data();
+    if (!std::equal(alpha, alpha + pack_.num_shape, neutral.alpha_row.data())) {
+        std::copy_n(alpha, pack_.num_shape, neutral.alpha_row.data());
+        neutral.is_known.fill(false);
     }
 }
 
-inline void RealtimeFit::update_fixed_neutral()
+/// S(a, 0) of the set.
+inline const float* RealtimeFit::neutral(PointSet set)
 {
-    if (frozen_ == nullptr) {
-        kernels_.combine_panels(pack_.fixed.mean.data(), pack_.fixed.identity.data(), pack_.fixed.num_panels,
-                                pack_.num_shape, work_.alpha_row.data(), work_.neutral.fixed.data());
+    const int index = static_cast<int>(set);
+    if (frozen_ != nullptr) {
+        return frozen_->neutral_.points[index].data();
     }
-}
-
-/// S(a, psi) of panels whose neutral part is known only if the identity is frozen.
-inline void RealtimeFit::evaluate(const PointPanels& panels, const AlignedBuffer<float>& frozen_neutral,
-                                  AlignedBuffer<float>& neutral, AlignedBuffer<float>& out)
-{
-    if (frozen_ == nullptr) {
+    float* points = work_.neutral.points[index].data();
+    if (!work_.neutral.is_known[index]) {
+        const PointPanels& panels = pack_.panels(set);
         kernels_.combine_panels(panels.mean.data(), panels.identity.data(), panels.num_panels, pack_.num_shape,
-                                work_.alpha_row.data(), neutral.data());
+                                work_.alpha_row.data(), points);
+        work_.neutral.is_known[index] = true;
     }
-    kernels_.combine_panels(frozen_ ? frozen_neutral.data() : neutral.data(), panels.expression.data(),
-                            panels.num_panels, pack_.num_expressions, work_.psi_row.data(), out.data());
+    return points;
+}
+
+/// S(a, psi) of the set.
+inline void RealtimeFit::evaluate(PointSet set, AlignedBuffer<float>& out)
+{
+    const PointPanels& panels = pack_.panels(set);
+    kernels_.combine_panels(neutral(set), panels.expression.data(), panels.num_panels, pack_.num_expressions,
+                            work_.psi_row.data(), out.data());
 }
 
 inline void RealtimeFit::update_matches_neutral()
 {
-    const int count = static_cast<int>(work_.matches.size());
+    const int count = static_cast<int>(frame_.matches.size());
     if (frozen_ != nullptr) {
         for (int i = 0; i < count; ++i) {
-            std::copy_n(frozen_->neutral_.contour.data() + 3 * work_.match_rows[i], 3,
+            std::copy_n(frozen_->neutral_.contour.data() + 3 * frame_.match_rows[i], 3,
                         work_.match_neutral.data() + 3 * i);
         }
         return;
     }
-    kernels_.multiply_rows(pack_.contour_rows.identity.data(), pack_.shape_width, work_.match_rows.data(), count,
+    kernels_.multiply_rows(pack_.contour_rows.identity.data(), pack_.shape_width, frame_.match_rows.data(), count,
                            work_.alpha_row.data(), work_.match_neutral.data());
     for (int i = 0; i < count; ++i) {
         for (int axis = 0; axis < 3; ++axis) {
-            work_.match_neutral[3 * i + axis] += pack_.contour_rows.mean[3 * work_.match_rows[i] + axis];
+            work_.match_neutral[3 * i + axis] += pack_.contour_rows.mean[3 * frame_.match_rows[i] + axis];
         }
     }
 }
@@ -285,11 +328,10 @@ inline void RealtimeFit::update_matches_neutral()
 /// Fixed and matched points with the present expression.
 inline void RealtimeFit::update_positions()
 {
-    kernels_.combine_panels(neutral().fixed.data(), pack_.fixed.expression.data(), pack_.fixed.num_panels,
-                            pack_.num_expressions, work_.psi_row.data(), work_.fixed.data());
-    const int count = static_cast<int>(work_.matches.size());
-    kernels_.multiply_rows(pack_.contour_rows.expression.data(), pack_.expression_width, work_.match_rows.data(), count,
-                           work_.psi_row.data(), work_.match_offset.data());
+    evaluate(PointSet::fixed, work_.fixed);
+    const int count = static_cast<int>(frame_.matches.size());
+    kernels_.multiply_rows(pack_.contour_rows.expression.data(), pack_.expression_width, frame_.match_rows.data(),
+                           count, work_.psi_row.data(), work_.match_offset.data());
     for (int i = 0; i < 3 * count; ++i) {
         work_.match_positions[i] = work_.match_neutral[i] + work_.match_offset[i];
     }
@@ -299,14 +341,14 @@ inline void RealtimeFit::update_positions()
 
 inline void RealtimeFit::set_scale()
 {
-    const double scale = camera_.scale_px_per_mm;
-    scale_factor_ = fitter_.reference_.options().noise_units == NoiseUnits::model ? 1 / (scale * scale) : 1;
+    const double scale = frame_.camera.scale_px_per_mm;
+    frame_.scale_factor = fitter_.reference_.options().noise_units == NoiseUnits::model ? 1 / (scale * scale) : 1;
 }
 
 inline bool RealtimeFit::estimate_pose()
 {
     const int num_fixed = pack_.fixed.num_points;
-    const int count = static_cast<int>(work_.matches.size());
+    const int count = static_cast<int>(frame_.matches.size());
     const int stride = kernels::round_up(num_fixed + count, 8);
     double* x = work_.pose_points.data();
     double* y = x + stride;
@@ -318,17 +360,17 @@ inline bool RealtimeFit::estimate_pose()
         x[i] = work_.fixed[3 * i];
         y[i] = work_.fixed[3 * i + 1];
         z[i] = work_.fixed[3 * i + 2];
-        u[i] = work_.fixed_u[i];
-        v[i] = work_.fixed_v[i];
+        u[i] = frame_.fixed_u[i];
+        v[i] = frame_.fixed_v[i];
         w[i] = fixed_weight(i);
     }
     for (int i = 0; i < count; ++i) {
         x[num_fixed + i] = work_.match_positions[3 * i];
         y[num_fixed + i] = work_.match_positions[3 * i + 1];
         z[num_fixed + i] = work_.match_positions[3 * i + 2];
-        u[num_fixed + i] = work_.matches[i].u;
-        v[num_fixed + i] = work_.matches[i].v;
-        w[num_fixed + i] = scale_factor_ * work_.matches[i].information;
+        u[num_fixed + i] = frame_.matches[i].u;
+        v[num_fixed + i] = frame_.matches[i].v;
+        w[num_fixed + i] = frame_.scale_factor * frame_.matches[i].information;
     }
     for (int i = num_fixed + count; i < stride; ++i) {
         x[i] = y[i] = z[i] = u[i] = v[i] = w[i] = 0;
@@ -339,17 +381,17 @@ inline bool RealtimeFit::estimate_pose()
         const Reference reference = reference_points();
         const PoseResult pose = lineament::estimate_pose(
             reference.points.at(Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape),
-                                Eigen::Map<const Eigen::VectorXd>(work_.psi.data(), pack_.num_expressions)),
-            reference.image_points, reference.weights, camera_.principal_point_px);
+                                Eigen::Map<const Eigen::VectorXd>(frame_.psi.data(), pack_.num_expressions)),
+            reference.image_points, reference.weights, frame_.camera.principal_point_px);
         ++workspace_.num_reference_solves_;
         if (pose.status != FitStatus::success) {
             return false;
         }
-        camera_ = pose.camera;
+        frame_.camera = pose.camera;
     }
     update_jacobian();
-    if (!has_scale_) {
-        has_scale_ = true;
+    if (!frame_.has_scale) {
+        frame_.has_scale = true;
         set_scale();
     }
     return true;
@@ -359,8 +401,8 @@ inline void RealtimeFit::update_jacobian()
 {
     for (int row = 0; row < 2; ++row) {
         for (int column = 0; column < 3; ++column) {
-            jacobian_[3 * row + column] =
-                static_cast<float>(camera_.scale_px_per_mm * camera_.camera_from_model(row, column));
+            frame_.jacobian[3 * row + column] =
+                static_cast<float>(frame_.camera.scale_px_per_mm * frame_.camera.camera_from_model(row, column));
         }
     }
 }
@@ -368,7 +410,7 @@ inline void RealtimeFit::update_jacobian()
 /// As FrameFit::turn_by_depth.
 inline void RealtimeFit::turn_by_depth()
 {
-    if (!has_depth_) {
+    if (!frame_.has_depth) {
         return;
     }
     PairMoments all, with_depth;
@@ -377,8 +419,8 @@ inline void RealtimeFit::turn_by_depth()
         const double weight = fixed_weight(i);
         if (weight > 0) {
             const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(work_.fixed.data() + 3 * i).cast<double>();
-            const std::optional<double>& depth_px = work_.fixed_depth_px[i];
-            const Eigen::Vector3d seen(work_.fixed_u[i], work_.fixed_v[i], depth_px.value_or(0.0));
+            const std::optional<double>& depth_px = frame_.fixed_depth_px[i];
+            const Eigen::Vector3d seen(frame_.fixed_u[i], frame_.fixed_v[i], depth_px.value_or(0.0));
             all.add(weight, point, seen);
             if (depth_px) {
                 with_depth.add(weight, point, seen);
@@ -386,18 +428,18 @@ inline void RealtimeFit::turn_by_depth()
             }
         }
     }
-    for (std::size_t i = 0; i < work_.matches.size(); ++i) {
-        const RealtimeMatch& match = work_.matches[i];
-        all.add(scale_factor_ * match.information,
+    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
+        const RealtimeMatch& match = frame_.matches[i];
+        all.add(frame_.scale_factor * match.information,
                 Eigen::Map<const Eigen::Vector3f>(work_.match_positions.data() + 3 * i).cast<double>(),
                 {match.u, match.v, 0.0});
     }
     // Image points are relative to the principal point here.
-    Camera camera = camera_;
+    Camera camera = frame_.camera;
     camera.principal_point_px.setZero();
     if (turn_camera_by_depth(all, with_depth, num_with_depth, camera)) {
-        camera.principal_point_px = camera_.principal_point_px;
-        camera_ = camera;
+        camera.principal_point_px = frame_.camera.principal_point_px;
+        frame_.camera = camera;
         update_jacobian();
         fit_expression();
     }
@@ -457,15 +499,15 @@ inline bool RealtimeFit::estimate_pose_closed_form(const double* moments)
         return false;
     }
     for (int a = 0; a < 3; ++a) {
-        camera_.camera_from_model(0, a) = r1[a];
-        camera_.camera_from_model(1, a) = r2[a];
+        frame_.camera.camera_from_model(0, a) = r1[a];
+        frame_.camera.camera_from_model(1, a) = r2[a];
     }
-    camera_.camera_from_model(2, 0) = r1[1] * r2[2] - r1[2] * r2[1];
-    camera_.camera_from_model(2, 1) = r1[2] * r2[0] - r1[0] * r2[2];
-    camera_.camera_from_model(2, 2) = r3z;
-    camera_.scale_px_per_mm = scale;
-    camera_.translation_mm.x() = mu / scale - (r1[0] * mx + r1[1] * my + r1[2] * mz);
-    camera_.translation_mm.y() = mv / scale - (r2[0] * mx + r2[1] * my + r2[2] * mz);
+    frame_.camera.camera_from_model(2, 0) = r1[1] * r2[2] - r1[2] * r2[1];
+    frame_.camera.camera_from_model(2, 1) = r1[2] * r2[0] - r1[0] * r2[2];
+    frame_.camera.camera_from_model(2, 2) = r3z;
+    frame_.camera.scale_px_per_mm = scale;
+    frame_.camera.translation_mm.x() = mu / scale - (r1[0] * mx + r1[1] * my + r1[2] * mz);
+    frame_.camera.translation_mm.y() = mv / scale - (r2[0] * mx + r2[1] * my + r2[2] * mz);
     return true;
 }
 

@@ -3,11 +3,13 @@
 #pragma once
 
 #include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/multi_frame.hpp"
 #include "lineament/fit/realtime_buffers.hpp"
 #include "lineament/kernels/scalar_kernels.hpp"
 
 #include <Eigen/Core>
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -15,7 +17,8 @@ namespace lineament {
 
 namespace detail {
 class RealtimeFit;
-}
+class RealtimeFramesFit;
+} // namespace detail
 
 /// How the columns of the full mesh are kept.
 enum class MeshStorage
@@ -34,6 +37,7 @@ public:
 private:
     friend class RealtimeFitter;
     friend class detail::RealtimeFit;
+    friend class detail::RealtimeFramesFit;
     Eigen::VectorXd shape_coefficients_ = {};
     detail::NeutralShape neutral_ = {};
 };
@@ -52,6 +56,7 @@ public:
 private:
     friend class RealtimeFitter;
     friend class detail::RealtimeFit;
+    friend class detail::RealtimeFramesFit;
     detail::RealtimeBuffers buffers_ = {};
     long num_reference_fits_ = 0;
     long num_reference_solves_ = 0;
@@ -88,6 +93,16 @@ public:
     void fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, RealtimeWorkspace& workspace,
              FitResult& result, const FitResult* start = nullptr) const;
 
+    /// One identity from several images, as lineament::fit_frames with the reference, written to `result`. Whatever the
+    /// number of images, the identity is one solve of the size m a round: each image leaves a few sums for each point.
+    ///
+    /// From the second call on with as many images nothing is allocated, as for `fit`. An image without a usable pose
+    /// hands all of them to the reference.
+    /// @throws InvalidArgument as lineament::fit_frames; then `result` is as it was.
+    void fit_frames(std::span<const LandmarkSet> frames, const Eigen::Vector2d& principal_point_px,
+                    RealtimeWorkspace& workspace, MultiFrameResult& result,
+                    PriorCount prior_count = PriorCount::once) const;
+
     /// The identity, ready for fit_pose_and_expression.
     /// @throws InvalidArgument on more coefficients than are fitted, or one that is not finite.
     [[nodiscard]] FrozenIdentity freeze(const Eigen::VectorXd& shape_coefficients) const;
@@ -105,15 +120,22 @@ public:
     [[nodiscard]] Eigen::Map<const Eigen::Matrix3Xf> shape_of(const FrozenIdentity& identity, const FitResult& fit,
                                                               RealtimeWorkspace& workspace) const;
 
+    /// shape_of of many fits at once, one a column (3 V x F, mm), the same bits. The model is read once for every 32 of
+    /// them, so this is several times as fast. `shapes` is resized if it has another size.
+    /// @throws InvalidArgument as shape_of; then `shapes` is as it was.
+    void shapes_of(std::span<const FitResult> fits, RealtimeWorkspace& workspace, Eigen::MatrixXf& shapes) const;
+
     [[nodiscard]] const FaceFitter& reference() const { return reference_; }
     [[nodiscard]] const kernels::Kernels& kernels() const { return *kernels_; }
 
 private:
     friend class detail::RealtimeFit;
+    friend class detail::RealtimeFramesFit;
 
-    void set_expression(const FitResult& fit, RealtimeWorkspace& workspace) const;
-    void add_expression(const float* neutral, RealtimeWorkspace& workspace) const;
-    void evaluate_neutral_mesh(const float* coefficients, float* scaled, float* out) const;
+    void check_coefficients(const FitResult& fit, const char* function) const;
+    void evaluate_neutral_mesh(const Eigen::VectorXd& coefficients, float* scaled, float* out) const;
+    Eigen::Map<const Eigen::Matrix3Xf> add_expression(const float* neutral, const FitResult& fit,
+                                                      RealtimeWorkspace& workspace) const;
 
     FaceFitter reference_;
     const kernels::Kernels* kernels_;

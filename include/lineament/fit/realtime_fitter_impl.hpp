@@ -6,11 +6,39 @@
 
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/realtime_fit_impl.hpp"
+#include "lineament/fit/realtime_frames_impl.hpp"
 #include "lineament/fit/realtime_pack_impl.hpp"
 
 #include <utility>
 
 namespace lineament {
+
+namespace detail {
+
+/// Panels first, first + 1, ... of the mesh: base + columns times coefficients, which include the columns' scales where
+/// those are 16-bit integers. `base` and `out` belong to the first of these panels.
+inline void combine_mesh(const kernels::Kernels& kernels, const AlignedBuffer<float>& columns,
+                         const AlignedBuffer<std::int16_t>& short_columns, int num_columns, int first, int num_panels,
+                         const float* base, const float* coefficients, float* out)
+{
+    const std::size_t offset = static_cast<std::size_t>(first) * num_columns * kernels::panel_size;
+    if (short_columns.size() == 0) {
+        kernels.combine_panels(base, columns.data() + offset, num_panels, num_columns, coefficients, out);
+    } else {
+        kernels.combine_panels_int16(base, short_columns.data() + offset, num_panels, num_columns, coefficients, out);
+    }
+}
+
+/// Coefficients as combine_mesh takes them; no scales: as they are.
+inline void scale_coefficients(const Eigen::VectorXd& coefficients, const std::vector<float>& scales, float* scaled)
+{
+    for (Eigen::Index j = 0; j < coefficients.size(); ++j) {
+        const float value = static_cast<float>(coefficients[j]);
+        scaled[j] = scales.empty() ? value : value * scales[static_cast<std::size_t>(j)];
+    }
+}
+
+} // namespace detail
 
 LINEAMENT_FIT_INLINE RealtimeFitter::RealtimeFitter(MorphableModel model, std::string scheme, FitOptions options,
                                                     const kernels::Kernels& kernels, MeshStorage mesh_storage)
@@ -36,8 +64,8 @@ LINEAMENT_FIT_INLINE void RealtimeFitter::fit(const LandmarkSet& landmarks, cons
     double total_us = 0;
     {
         const detail::Stopwatch total(total_us);
-        detail::RealtimeFit run(*this, landmarks, principal_point_px, workspace, nullptr);
-        if (!run.fit(start, result)) {
+        detail::RealtimeFit run(*this, landmarks, workspace, 0, nullptr);
+        if (!run.fit(principal_point_px, start, result)) {
             ++workspace.num_reference_fits_;
             result = reference_.fit(landmarks, principal_point_px, start);
         }
@@ -57,8 +85,8 @@ LINEAMENT_FIT_INLINE void RealtimeFitter::fit_pose_and_expression(const Landmark
     double total_us = 0;
     {
         const detail::Stopwatch total(total_us);
-        detail::RealtimeFit run(*this, landmarks, principal_point_px, workspace, &identity);
-        if (!run.fit(start, result)) {
+        detail::RealtimeFit run(*this, landmarks, workspace, 0, &identity);
+        if (!run.fit(principal_point_px, start, result)) {
             ++workspace.num_reference_fits_;
             result =
                 reference_.fit_pose_and_expression(landmarks, principal_point_px, identity.shape_coefficients_, start);
@@ -66,6 +94,18 @@ LINEAMENT_FIT_INLINE void RealtimeFitter::fit_pose_and_expression(const Landmark
     }
     result.timing = {};
     result.timing.total_us = total_us;
+}
+
+LINEAMENT_FIT_INLINE void RealtimeFitter::fit_frames(std::span<const LandmarkSet> frames,
+                                                     const Eigen::Vector2d& principal_point_px,
+                                                     RealtimeWorkspace& workspace, MultiFrameResult& result,
+                                                     PriorCount prior_count) const
+{
+    detail::RealtimeFramesFit run(*this, frames, workspace);
+    if (!run.fit(principal_point_px, prior_count, result)) {
+        ++workspace.num_reference_fits_;
+        result = lineament::fit_frames(reference_, frames, principal_point_px, prior_count);
+    }
 }
 
 LINEAMENT_FIT_INLINE FrozenIdentity RealtimeFitter::freeze(const Eigen::VectorXd& shape_coefficients) const
@@ -77,95 +117,103 @@ LINEAMENT_FIT_INLINE FrozenIdentity RealtimeFitter::freeze(const Eigen::VectorXd
     frozen.shape_coefficients_ = Eigen::VectorXd::Zero(pack_.num_shape);
     frozen.shape_coefficients_.head(shape_coefficients.size()) = shape_coefficients;
     frozen.neutral_ = detail::make_neutral(pack_, true);
-    detail::AlignedBuffer<float> coefficients(pack_.shape_width);
-    detail::AlignedBuffer<float> scaled(pack_.shape_width);
-    for (int j = 0; j < pack_.num_shape; ++j) {
-        coefficients[j] = static_cast<float>(frozen.shape_coefficients_[j]);
-    }
-    const auto evaluate = [&](const detail::PointPanels& panels, detail::AlignedBuffer<float>& out) {
-        kernels_->combine_panels(panels.mean.data(), panels.identity.data(), panels.num_panels, pack_.num_shape,
-                                 coefficients.data(), out.data());
-    };
     detail::NeutralShape& neutral = frozen.neutral_;
-    evaluate(pack_.fixed, neutral.fixed);
-    evaluate(pack_.rest, neutral.rest);
-    evaluate(pack_.candidates, neutral.candidates);
-    for (int side = 0; side < 2; ++side) {
-        evaluate(pack_.regions[side].vertices, neutral.regions[side]);
+    float* alpha = neutral.alpha_row.data();
+    detail::scale_coefficients(frozen.shape_coefficients_, {}, alpha);
+    for (int set = 0; set < detail::num_point_sets; ++set) {
+        const detail::PointPanels& panels = pack_.panels(static_cast<detail::PointSet>(set));
+        kernels_->combine_panels(panels.mean.data(), panels.identity.data(), panels.num_panels, pack_.num_shape, alpha,
+                                 neutral.points[set].data());
     }
     for (int row = 0; 3 * row < static_cast<int>(neutral.contour.size()); ++row) {
         float* point = neutral.contour.data() + 3 * row;
-        kernels_->multiply_rows(pack_.contour_rows.identity.data(), pack_.shape_width, &row, 1, coefficients.data(),
-                                point);
+        kernels_->multiply_rows(pack_.contour_rows.identity.data(), pack_.shape_width, &row, 1, alpha, point);
         for (int axis = 0; axis < 3; ++axis) {
             point[axis] += pack_.contour_rows.mean[3 * row + axis];
         }
     }
-    evaluate_neutral_mesh(coefficients.data(), scaled.data(), neutral.mesh.data());
+    detail::AlignedBuffer<float> scaled(pack_.shape_width);
+    evaluate_neutral_mesh(frozen.shape_coefficients_, scaled.data(), neutral.mesh.data());
     return frozen;
 }
 
-LINEAMENT_FIT_INLINE void RealtimeFitter::evaluate_neutral_mesh(const float* coefficients, float* scaled,
+LINEAMENT_FIT_INLINE void RealtimeFitter::evaluate_neutral_mesh(const Eigen::VectorXd& coefficients, float* scaled,
                                                                 float* out) const
 {
-    if (pack_.mesh_identity.size() == 0) {
-        kernels_->combine_panels(pack_.mesh.mean.data(), pack_.mesh.identity.data(), pack_.mesh.num_panels,
-                                 pack_.num_shape, coefficients, out);
-        return;
-    }
-    for (int j = 0; j < pack_.num_shape; ++j) {
-        scaled[j] = coefficients[j] * pack_.mesh_identity_scales[j];
-    }
-    kernels_->combine_panels_int16(pack_.mesh.mean.data(), pack_.mesh_identity.data(), pack_.mesh.num_panels,
-                                   pack_.num_shape, scaled, out);
+    detail::scale_coefficients(coefficients, pack_.mesh_identity_scales, scaled);
+    detail::combine_mesh(*kernels_, pack_.mesh.identity, pack_.mesh_identity, pack_.num_shape, 0, pack_.mesh.num_panels,
+                         pack_.mesh.mean.data(), scaled, out);
 }
 
-LINEAMENT_FIT_INLINE void RealtimeFitter::set_expression(const FitResult& fit, RealtimeWorkspace& workspace) const
-{
-    require_size(fit.expression_coefficients.size(), pack_.num_expressions, "RealtimeFitter::shape_of",
-                 "fit.expression_coefficients");
-    for (int j = 0; j < pack_.num_expressions; ++j) {
-        workspace.buffers_.psi_row[j] = static_cast<float>(fit.expression_coefficients[j]);
-    }
-}
-
-LINEAMENT_FIT_INLINE void RealtimeFitter::add_expression(const float* neutral, RealtimeWorkspace& workspace) const
+LINEAMENT_FIT_INLINE Eigen::Map<const Eigen::Matrix3Xf>
+RealtimeFitter::add_expression(const float* neutral, const FitResult& fit, RealtimeWorkspace& workspace) const
 {
     detail::RealtimeBuffers& buffers = workspace.buffers_;
-    if (pack_.mesh_identity.size() == 0) {
-        kernels_->combine_panels(neutral, pack_.mesh.expression.data(), pack_.mesh.num_panels, pack_.num_expressions,
-                                 buffers.psi_row.data(), buffers.mesh.data());
-        return;
-    }
-    for (int j = 0; j < pack_.num_expressions; ++j) {
-        buffers.mesh_coefficients[j] = buffers.psi_row[j] * pack_.mesh_expression_scales[j];
-    }
-    kernels_->combine_panels_int16(neutral, pack_.mesh_expression.data(), pack_.mesh.num_panels, pack_.num_expressions,
-                                   buffers.mesh_coefficients.data(), buffers.mesh.data());
+    float* scaled = buffers.mesh_coefficients.data();
+    detail::scale_coefficients(fit.expression_coefficients, pack_.mesh_expression_scales, scaled);
+    detail::combine_mesh(*kernels_, pack_.mesh.expression, pack_.mesh_expression, pack_.num_expressions, 0,
+                         pack_.mesh.num_panels, neutral, scaled, buffers.mesh.data());
+    return {buffers.mesh.data(), 3, pack_.mesh.num_points};
+}
+
+LINEAMENT_FIT_INLINE void RealtimeFitter::check_coefficients(const FitResult& fit, const char* function) const
+{
+    require_size(fit.shape_coefficients.size(), pack_.num_shape, function, "fit.shape_coefficients");
+    require_size(fit.expression_coefficients.size(), pack_.num_expressions, function, "fit.expression_coefficients");
 }
 
 LINEAMENT_FIT_INLINE Eigen::Map<const Eigen::Matrix3Xf> RealtimeFitter::shape_of(const FitResult& fit,
                                                                                  RealtimeWorkspace& workspace) const
 {
-    require_size(fit.shape_coefficients.size(), pack_.num_shape, "RealtimeFitter::shape_of", "fit.shape_coefficients");
-    set_expression(fit, workspace);
+    check_coefficients(fit, "RealtimeFitter::shape_of");
     detail::RealtimeBuffers& buffers = workspace.buffers_;
-    for (int j = 0; j < pack_.num_shape; ++j) {
-        buffers.alpha_row[j] = static_cast<float>(fit.shape_coefficients[j]);
-    }
-    evaluate_neutral_mesh(buffers.alpha_row.data(), buffers.mesh_coefficients.data(), buffers.neutral.mesh.data());
-    add_expression(buffers.neutral.mesh.data(), workspace);
-    return {buffers.mesh.data(), 3, pack_.mesh.num_points};
+    evaluate_neutral_mesh(fit.shape_coefficients, buffers.mesh_coefficients.data(), buffers.neutral.mesh.data());
+    return add_expression(buffers.neutral.mesh.data(), fit, workspace);
 }
 
 LINEAMENT_FIT_INLINE Eigen::Map<const Eigen::Matrix3Xf>
 RealtimeFitter::shape_of(const FrozenIdentity& identity, const FitResult& fit, RealtimeWorkspace& workspace) const
 {
+    const char* const function = "RealtimeFitter::shape_of";
     require_size(static_cast<Eigen::Index>(identity.neutral_.mesh.size()), static_cast<Eigen::Index>(pack_.mesh.size()),
-                 "RealtimeFitter::shape_of", "identity");
-    set_expression(fit, workspace);
-    add_expression(identity.neutral_.mesh.data(), workspace);
-    return {workspace.buffers_.mesh.data(), 3, pack_.mesh.num_points};
+                 function, "identity");
+    require_size(fit.expression_coefficients.size(), pack_.num_expressions, function, "fit.expression_coefficients");
+    return add_expression(identity.neutral_.mesh.data(), fit, workspace);
+}
+
+LINEAMENT_FIT_INLINE void RealtimeFitter::shapes_of(std::span<const FitResult> fits, RealtimeWorkspace& workspace,
+                                                    Eigen::MatrixXf& shapes) const
+{
+    for (const FitResult& fit : fits) {
+        check_coefficients(fit, "RealtimeFitter::shapes_of");
+    }
+    const Eigen::Index num_rows = 3 * static_cast<Eigen::Index>(pack_.mesh.num_points);
+    shapes.resize(num_rows, static_cast<Eigen::Index>(fits.size()));
+    const int stride = pack_.shape_width + pack_.expression_width;
+    float* coefficients = workspace.buffers_.batch_coefficients.data();
+    float* panel = workspace.buffers_.batch_panel.data();
+    for (std::size_t begin = 0; begin < fits.size(); begin += detail::batch_size) {
+        const std::size_t count = std::min<std::size_t>(detail::batch_size, fits.size() - begin);
+        for (std::size_t f = 0; f < count; ++f) {
+            const FitResult& fit = fits[begin + f];
+            float* alpha = coefficients + f * stride;
+            detail::scale_coefficients(fit.shape_coefficients, pack_.mesh_identity_scales, alpha);
+            detail::scale_coefficients(fit.expression_coefficients, pack_.mesh_expression_scales,
+                                       alpha + pack_.shape_width);
+        }
+        for (int p = 0; p < pack_.mesh.num_panels; ++p) {
+            const Eigen::Index first_row = static_cast<Eigen::Index>(p) * kernels::panel_size;
+            const Eigen::Index rows = std::min<Eigen::Index>(kernels::panel_size, num_rows - first_row);
+            for (std::size_t f = 0; f < count; ++f) { // the panel's columns stay in the nearest cache
+                const float* alpha = coefficients + f * stride;
+                detail::combine_mesh(*kernels_, pack_.mesh.identity, pack_.mesh_identity, pack_.num_shape, p, 1,
+                                     pack_.mesh.mean.data() + first_row, alpha, panel);
+                detail::combine_mesh(*kernels_, pack_.mesh.expression, pack_.mesh_expression, pack_.num_expressions, p,
+                                     1, panel, alpha + pack_.shape_width, panel);
+                std::copy_n(panel, rows, shapes.col(static_cast<Eigen::Index>(begin + f)).data() + first_row);
+            }
+        }
+    }
 }
 
 } // namespace lineament

@@ -283,15 +283,48 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
 [[nodiscard]] inline NeutralShape make_neutral(const RealtimePack& pack, bool is_frozen)
 {
     NeutralShape neutral;
-    neutral.fixed = AlignedBuffer<float>(pack.fixed.size());
-    neutral.rest = AlignedBuffer<float>(pack.rest.size());
-    neutral.candidates = AlignedBuffer<float>(pack.candidates.size());
-    for (int side = 0; side < 2; ++side) {
-        neutral.regions[side] = AlignedBuffer<float>(pack.regions[side].vertices.size());
+    neutral.alpha_row = AlignedBuffer<float>(pack.shape_width);
+    for (int set = 0; set < num_point_sets; ++set) {
+        neutral.points[set] = AlignedBuffer<float>(pack.panels(static_cast<PointSet>(set)).size());
     }
     neutral.contour = AlignedBuffer<float>(is_frozen ? pack.contour_rows.mean.size() : 0);
     neutral.mesh = AlignedBuffer<float>(pack.mesh.size());
     return neutral;
+}
+
+[[nodiscard]] inline RealtimeFrame make_frame(const RealtimePack& pack)
+{
+    const std::size_t num_fixed = static_cast<std::size_t>(pack.fixed.num_points);
+    const std::size_t max_matches = static_cast<std::size_t>(pack.max_matches);
+    RealtimeFrame frame;
+    frame.landmark_of_fixed.resize(num_fixed);
+    frame.map_indices.reserve(pack.map.size());
+    frame.fixed_u.resize(num_fixed);
+    frame.fixed_v.resize(num_fixed);
+    frame.fixed_confidence.resize(num_fixed);
+    frame.fixed_depth_px.resize(num_fixed);
+    for (auto& outline : frame.outline) {
+        outline.reserve(16);
+    }
+    frame.matches.reserve(max_matches);
+    frame.match_rows.reserve(max_matches);
+    frame.psi.resize(pack.num_expressions);
+    frame.bound_state.resize(pack.num_expressions);
+    return frame;
+}
+
+[[nodiscard]] inline IdentitySums make_sums(const RealtimePack& pack)
+{
+    const std::size_t num_fixed = static_cast<std::size_t>(pack.fixed.num_points);
+    const std::size_t num_rows = pack.contour_vertices.size();
+    IdentitySums sums;
+    sums.fixed_information.resize(6 * num_fixed);
+    sums.fixed_right_side.resize(3 * num_fixed);
+    sums.contour_information.resize(6 * num_rows);
+    sums.contour_right_side.resize(3 * num_rows);
+    sums.is_touched.resize(num_rows);
+    sums.touched.reserve(num_rows);
+    return sums;
 }
 
 [[nodiscard]] inline RealtimeBuffers make_buffers(const RealtimePack& pack)
@@ -300,24 +333,14 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     const std::size_t max_matches = static_cast<std::size_t>(pack.max_matches);
     const std::size_t width = static_cast<std::size_t>(std::max(pack.shape_width, pack.expression_width));
     RealtimeBuffers buffers;
+    buffers.frames.push_back(make_frame(pack));
+    buffers.sums = make_sums(pack);
     buffers.neutral = make_neutral(pack, false);
     buffers.alpha.resize(pack.num_shape);
-    buffers.psi.resize(pack.num_expressions);
     buffers.alpha_row = AlignedBuffer<float>(pack.shape_width);
     buffers.psi_row = AlignedBuffer<float>(pack.expression_width);
-    buffers.landmark_of_fixed.resize(num_fixed);
-    buffers.map_indices.reserve(pack.map.size());
-    buffers.fixed_u.resize(num_fixed);
-    buffers.fixed_depth_px.resize(num_fixed);
-    buffers.fixed_v.resize(num_fixed);
-    buffers.fixed_confidence.resize(num_fixed);
     buffers.fixed = AlignedBuffer<float>(pack.fixed.size());
     buffers.rest = AlignedBuffer<float>(pack.rest.size());
-    for (auto& outline : buffers.outline) {
-        outline.reserve(16);
-    }
-    buffers.matches.reserve(max_matches);
-    buffers.match_rows.reserve(max_matches);
     buffers.match_neutral = AlignedBuffer<float>(3 * max_matches);
     buffers.match_offset = AlignedBuffer<float>(3 * max_matches);
     buffers.match_positions = AlignedBuffer<float>(3 * max_matches);
@@ -326,7 +349,8 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.roots.reserve(num_fixed + max_matches);
     buffers.factors = AlignedBuffer<float>(3 * num_fixed);
     buffers.residuals = AlignedBuffer<float>(2 * max_matches);
-    buffers.rows = AlignedBuffer<float>(2 * std::max(num_fixed, max_matches) * width);
+    // RealtimeFramesFit needs 64 rows even where there is no outline.
+    buffers.rows = AlignedBuffer<float>(2 * std::max({num_fixed, max_matches, std::size_t{32}}) * width);
     // A system in all expressions needs one column more than their rows have.
     const std::size_t system_width = width + kernels::width_step;
     buffers.system = AlignedBuffer<float>(system_width * system_width);
@@ -335,7 +359,6 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.step = AlignedBuffer<float>(system_width);
     buffers.free_step = AlignedBuffer<float>(system_width);
     buffers.gradient = AlignedBuffer<float>(system_width);
-    buffers.bound_state.resize(pack.num_expressions);
     buffers.next_state.resize(pack.num_expressions);
     buffers.free.reserve(pack.num_expressions);
 
@@ -377,6 +400,9 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.near_seen = AlignedBuffer<float>(3 * num_occluders);
     buffers.mesh = AlignedBuffer<float>(pack.mesh.size());
     buffers.mesh_coefficients = AlignedBuffer<float>(width);
+    buffers.batch_coefficients =
+        AlignedBuffer<float>(static_cast<std::size_t>(batch_size) * (pack.shape_width + pack.expression_width));
+    buffers.batch_panel = AlignedBuffer<float>(kernels::panel_size);
     return buffers;
 }
 

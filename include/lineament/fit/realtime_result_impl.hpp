@@ -12,21 +12,21 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
 {
     const FitOptions& options = fitter_.reference_.options();
     if (identity_status_ != FitStatus::success) {
-        status_ = identity_status_;
-        reason_ = identity_reason_;
+        frame_.status = identity_status_;
+        frame_.reason = identity_reason_;
     }
-    if (status_ == FitStatus::success && num_held_ > 0) {
-        status_ = FitStatus::implausible;
-        reason_ =
-            std::to_string(num_held_) + " expression coefficients were held at " + to_text(options.max_expression);
+    if (frame_.status == FitStatus::success && frame_.num_held > 0) {
+        frame_.status = FitStatus::implausible;
+        frame_.reason = std::to_string(frame_.num_held) + " expression coefficients were held at " +
+                        to_text(options.max_expression);
     }
-    result.status = status_;
-    result.reason = reason_;
+    result.status = frame_.status;
+    result.reason = frame_.reason;
     result.method = "thesis";
-    result.camera = camera_;
+    result.camera = frame_.camera;
     result.iterations = iterations;
     result.shape_coefficients = Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape);
-    result.expression_coefficients = Eigen::Map<const Eigen::VectorXd>(work_.psi.data(), pack_.num_expressions);
+    result.expression_coefficients = Eigen::Map<const Eigen::VectorXd>(frame_.psi.data(), pack_.num_expressions);
     const Blendshapes* expressions = fitter_.reference_.expressions();
     if (expressions == nullptr) {
         result.expression_set.clear();
@@ -38,16 +38,17 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         }
     }
 
-    evaluate(pack_.rest, neutral().rest, work_.neutral.rest, work_.rest);
+    evaluate(PointSet::rest, work_.rest);
     const auto project = [&](const float* point) {
-        return Eigen::Vector2d(project_point(camera_, point[0], point[1], point[2]) + camera_.principal_point_px);
+        return Eigen::Vector2d(project_point(frame_.camera, point[0], point[1], point[2]) +
+                               frame_.camera.principal_point_px);
     };
     double largest_weight = std::numeric_limits<double>::min();
     for (int i = 0; i < pack_.fixed.num_points; ++i) {
         largest_weight = std::max(largest_weight, fixed_weight(i));
     }
-    for (const RealtimeMatch& match : work_.matches) {
-        largest_weight = std::max(largest_weight, scale_factor_ * match.information);
+    for (const RealtimeMatch& match : frame_.matches) {
+        largest_weight = std::max(largest_weight, frame_.scale_factor * match.information);
     }
     result.chi_square = 0;
     result.landmarks.resize(landmarks_.landmarks.size());
@@ -59,7 +60,7 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         }
         fitted.point_px = landmark.point_px;
         fitted.weight = 0;
-        const int index = work_.map_indices[l];
+        const int index = frame_.map_indices[l];
         if (index < 0) {
             fitted.fitted_px = landmark.point_px;
             continue;
@@ -70,18 +71,18 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
             continue;
         }
         fitted.fitted_px = project(work_.fixed.data() + 3 * entry.fixed_index);
-        if (work_.landmark_of_fixed[entry.fixed_index] == static_cast<int>(l)) {
+        if (frame_.landmark_of_fixed[entry.fixed_index] == static_cast<int>(l)) {
             const double weight = fixed_weight(entry.fixed_index);
             result.chi_square += weight * (fitted.fitted_px - fitted.point_px).squaredNorm();
             fitted.weight = weight / largest_weight;
         }
     }
-    for (std::size_t i = 0; i < work_.matches.size(); ++i) { // of several matches of one landmark the nearest is shown
-        const RealtimeMatch& match = work_.matches[i];
+    for (std::size_t i = 0; i < frame_.matches.size(); ++i) { // of several matches of one landmark the nearest is shown
+        const RealtimeMatch& match = frame_.matches[i];
         FittedLandmark& fitted = result.landmarks[match.landmark_index];
         const Eigen::Vector2d seen = project(work_.match_positions.data() + 3 * i);
         const double distance = (seen - fitted.point_px).squaredNorm();
-        const double weight = scale_factor_ * match.information;
+        const double weight = frame_.scale_factor * match.information;
         result.chi_square += weight * distance;
         if (fitted.weight == 0 || distance < (fitted.fitted_px - fitted.point_px).squaredNorm()) {
             fitted.fitted_px = seen;

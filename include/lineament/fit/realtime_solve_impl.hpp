@@ -15,27 +15,37 @@ namespace lineament::detail {
 /// For the present shape: factors of the rows of fixed points, w J^T (y - x), and the weighted residuals of matches.
 inline void RealtimeFit::update_residuals()
 {
-    const double s = camera_.scale_px_per_mm;
-    const Eigen::Matrix3d& r = camera_.camera_from_model;
-    const double ax = s * r(0, 0), ay = s * r(0, 1), az = s * r(0, 2), a0 = s * camera_.translation_mm.x();
-    const double bx = s * r(1, 0), by = s * r(1, 1), bz = s * r(1, 2), b0 = s * camera_.translation_mm.y();
+    const double s = frame_.camera.scale_px_per_mm;
+    const Eigen::Matrix3d& r = frame_.camera.camera_from_model;
+    const double ax = s * r(0, 0), ay = s * r(0, 1), az = s * r(0, 2), a0 = s * frame_.camera.translation_mm.x();
+    const double bx = s * r(1, 0), by = s * r(1, 1), bz = s * r(1, 2), b0 = s * frame_.camera.translation_mm.y();
     for (int i = 0; i < pack_.fixed.num_points; ++i) {
         const double x = work_.fixed[3 * i], y = work_.fixed[3 * i + 1], z = work_.fixed[3 * i + 2];
         const double weight = fixed_weight(i);
-        const double du = weight * (work_.fixed_u[i] - (ax * x + ay * y + az * z + a0));
-        const double dv = weight * (work_.fixed_v[i] - (bx * x + by * y + bz * z + b0));
+        const double du = weight * (frame_.fixed_u[i] - (ax * x + ay * y + az * z + a0));
+        const double dv = weight * (frame_.fixed_v[i] - (bx * x + by * y + bz * z + b0));
         work_.factors[3 * i] = static_cast<float>(ax * du + bx * dv);
         work_.factors[3 * i + 1] = static_cast<float>(ay * du + by * dv);
         work_.factors[3 * i + 2] = static_cast<float>(az * du + bz * dv);
     }
-    for (std::size_t i = 0; i < work_.matches.size(); ++i) {
-        const RealtimeMatch& match = work_.matches[i];
+    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
+        const RealtimeMatch& match = frame_.matches[i];
         const float* p = work_.match_positions.data() + 3 * i;
         const double x = p[0], y = p[1], z = p[2];
-        const double root = std::sqrt(scale_factor_ * match.information);
+        const double root = std::sqrt(frame_.scale_factor * match.information);
         work_.residuals[2 * i] = static_cast<float>(root * (match.u - (ax * x + ay * y + az * z + a0)));
         work_.residuals[2 * i + 1] = static_cast<float>(root * (match.v - (bx * x + by * y + bz * z + b0)));
     }
+}
+
+/// How often each of the six Gram matrices counts: w J^T J of a point of information 1, in their order.
+inline std::array<double, 6> RealtimeFit::gram_factors() const
+{
+    const double s = frame_.camera.scale_px_per_mm;
+    const double f = frame_.scale_factor * s * s;
+    const double x = frame_.camera.camera_from_model(2, 0), y = frame_.camera.camera_from_model(2, 1);
+    const double z = frame_.camera.camera_from_model(2, 2);
+    return {f * (1 - x * x), f * (1 - y * y), f * (1 - z * z), -f * x * y, -f * x * z, -f * y * z};
 }
 
 /// sum w (J B)^T J B of all points; leaves the projected rows of the matches in work_.rows.
@@ -43,36 +53,33 @@ inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, co
                                            const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram)
 {
     const bool is_identity = &grams == &pack_.identity_grams;
-    if (is_nominal_) {
-        const double s = camera_.scale_px_per_mm;
-        const double f = scale_factor_ * s * s;
-        const double x = camera_.camera_from_model(2, 0), y = camera_.camera_from_model(2, 1);
-        const double z = camera_.camera_from_model(2, 2);
-        const float scales[6] = {static_cast<float>(f * (1 - x * x)), static_cast<float>(f * (1 - y * y)),
-                                 static_cast<float>(f * (1 - z * z)), static_cast<float>(-f * x * y),
-                                 static_cast<float>(-f * x * z),      static_cast<float>(-f * y * z)};
+    if (frame_.is_nominal) {
+        const std::array<double, 6> factors = gram_factors();
+        float scales[6];
+        std::copy(factors.begin(), factors.end(), scales);
         kernels_.combine_grams(grams.data(), width, scales, gram.data());
     } else {
         std::fill_n(gram.data(), static_cast<std::size_t>(width) * width, 0.0f);
         work_.present.clear();
         work_.roots.clear();
         for (int i = 0; i < pack_.fixed.num_points; ++i) {
-            if (work_.landmark_of_fixed[i] >= 0) {
+            if (frame_.landmark_of_fixed[i] >= 0) {
                 work_.present.push_back(i);
                 work_.roots.push_back(static_cast<float>(std::sqrt(fixed_weight(i))));
             }
         }
         kernels_.project_rows((is_identity ? fixed_rows.identity : fixed_rows.expression).data(), width,
-                              work_.present.data(), num_fixed_seen_, jacobian_, work_.roots.data(), work_.rows.data());
-        kernels_.add_gram(work_.rows.data(), 2 * num_fixed_seen_, width, gram.data());
+                              work_.present.data(), frame_.num_fixed_seen, frame_.jacobian.data(), work_.roots.data(),
+                              work_.rows.data());
+        kernels_.add_gram(work_.rows.data(), 2 * frame_.num_fixed_seen, width, gram.data());
     }
     work_.roots.clear();
-    for (const RealtimeMatch& match : work_.matches) {
-        work_.roots.push_back(static_cast<float>(std::sqrt(scale_factor_ * match.information)));
+    for (const RealtimeMatch& match : frame_.matches) {
+        work_.roots.push_back(static_cast<float>(std::sqrt(frame_.scale_factor * match.information)));
     }
-    const int count = static_cast<int>(work_.matches.size());
-    kernels_.project_rows(contour_rows.data(), width, work_.match_rows.data(), count, jacobian_, work_.roots.data(),
-                          work_.rows.data());
+    const int count = static_cast<int>(frame_.matches.size());
+    kernels_.project_rows(contour_rows.data(), width, frame_.match_rows.data(), count, frame_.jacobian.data(),
+                          work_.roots.data(), work_.rows.data());
     kernels_.add_gram(work_.rows.data(), 2 * count, width, gram.data());
 }
 
@@ -81,43 +88,46 @@ inline void RealtimeFit::add_right_side(const AlignedBuffer<float>& fixed_rows, 
 {
     kernels_.add_rows(fixed_rows.data(), 3 * pack_.fixed.num_points, width, work_.factors.data(),
                       work_.right_side.data());
-    kernels_.add_rows(work_.rows.data(), 2 * static_cast<int>(work_.matches.size()), width, work_.residuals.data(),
+    kernels_.add_rows(work_.rows.data(), 2 * static_cast<int>(frame_.matches.size()), width, work_.residuals.data(),
                       work_.right_side.data());
+}
+
+/// Adds the prior to the normal equations in work.system and work.right_side and takes their step from work.alpha.
+/// False, with nothing changed of alpha, if that would pass a bound or the system is singular to single precision.
+[[nodiscard]] inline bool step_identity(const kernels::Kernels& kernels, const RealtimePack& pack,
+                                        double regularization, RealtimeBuffers& work)
+{
+    const int width = pack.shape_width;
+    const int m = pack.num_shape;
+    for (int j = 0; j < m; ++j) {
+        const std::size_t row = static_cast<std::size_t>(j) * width;
+        work.system[row + j] += static_cast<float>(regularization);
+        work.system[row + m] = static_cast<float>(work.right_side[j] - regularization * work.alpha[j]);
+    }
+    bool is_inside = kernels.solve_positive(work.system.data(), m, width, work.step.data()) > least_pivot;
+    for (int j = 0; j < m && is_inside; ++j) {
+        is_inside = std::abs(work.alpha[j] + work.step[j]) < IdentityOptions().max_coefficient;
+    }
+    for (int j = 0; j < m && is_inside; ++j) {
+        work.alpha[j] += work.step[j];
+    }
+    return is_inside;
 }
 
 inline void RealtimeFit::fit_identity()
 {
-    const IdentityOptions defaults;
-    const double regularization = fitter_.reference_.options().regularization;
-    const int width = pack_.shape_width;
-    const int m = pack_.num_shape;
     identity_status_ = FitStatus::success;
-    if (m > 0) {
+    if (pack_.num_shape > 0) {
+        const int width = pack_.shape_width;
         update_residuals();
         add_normal_matrix(pack_.identity_grams, pack_.fixed_rows, width, pack_.contour_rows.identity, work_.system);
         std::fill_n(work_.right_side.data(), width, 0.0f);
         add_right_side(pack_.fixed_rows.identity, width);
-        for (int j = 0; j < m; ++j) {
-            const std::size_t row = static_cast<std::size_t>(j) * width;
-            work_.system[row + j] += static_cast<float>(regularization);
-            work_.system[row + m] = static_cast<float>(work_.right_side[j] - regularization * work_.alpha[j]);
-        }
-        bool is_inside = kernels_.solve_positive(work_.system.data(), m, width, work_.step.data()) > least_pivot;
-        for (int j = 0; j < m && is_inside; ++j) {
-            is_inside = std::abs(work_.alpha[j] + work_.step[j]) < defaults.max_coefficient;
-        }
-        if (is_inside) {
-            for (int j = 0; j < m; ++j) {
-                work_.alpha[j] += work_.step[j];
-            }
-        } else {
+        if (!step_identity(kernels_, pack_, fitter_.reference_.options().regularization, work_)) {
             fit_identity_in_double();
         }
     }
-    update_rows();
-    update_fixed_neutral();
-    update_matches_neutral();
-    update_positions();
+    resume();
 }
 
 inline void RealtimeFit::fit_expression()
@@ -129,9 +139,9 @@ inline void RealtimeFit::fit_expression()
         fit_expression_in_double();
     }
     const double upper = fitter_.reference_.options().max_expression;
-    num_held_ = 0;
+    frame_.num_held = 0;
     for (int j = 0; j < pack_.num_expressions; ++j) {
-        num_held_ += work_.psi[j] >= upper;
+        frame_.num_held += frame_.psi[j] >= upper;
     }
     update_rows();
     update_positions();
@@ -156,7 +166,7 @@ inline bool RealtimeFit::solve_expression()
             gram[i * width + j] = gram[j * width + i];
         }
         gram[i * width + i] += static_cast<float>(precision);
-        work_.right_side[i] = static_cast<float>(work_.right_side[i] - precision * work_.psi[i]);
+        work_.right_side[i] = static_cast<float>(work_.right_side[i] - precision * frame_.psi[i]);
     }
     int fewest = k + 1;
     int patience = 3;
@@ -165,11 +175,11 @@ inline bool RealtimeFit::solve_expression()
         work_.free.clear();
         for (int j = 0; j < k; ++j) {
             work_.step[j] = 0;
-            if (work_.bound_state[j] == 0) {
+            if (frame_.bound_state[j] == 0) {
                 work_.free.push_back(j);
             } else {
-                const double goal = work_.bound_state[j] < 0 ? 0.0 : options.max_expression;
-                work_.step[j] = static_cast<float>(goal - work_.psi[j]);
+                const double goal = frame_.bound_state[j] < 0 ? 0.0 : options.max_expression;
+                work_.step[j] = static_cast<float>(goal - frame_.psi[j]);
             }
         }
         std::fill_n(work_.gradient.data(), width, 0.0f);
@@ -200,8 +210,8 @@ inline bool RealtimeFit::solve_expression()
         int last_wrong = -1;
         for (int j = 0; j < k; ++j) {
             const float gradient = work_.gradient[j] - work_.right_side[j];
-            const double value = work_.psi[j] + work_.step[j];
-            const signed char state = work_.bound_state[j];
+            const double value = frame_.psi[j] + work_.step[j];
+            const signed char state = frame_.bound_state[j];
             signed char next = state;
             if (state == 0) {
                 next = value < 0 ? -1 : value > options.max_expression ? 1 : 0;
@@ -218,10 +228,10 @@ inline bool RealtimeFit::solve_expression()
         }
         if (num_wrong == 0) {
             for (int j = 0; j < k; ++j) {
-                const signed char state = work_.bound_state[j];
-                work_.psi[j] = state < 0   ? 0.0
-                               : state > 0 ? options.max_expression
-                                           : work_.psi[j] + static_cast<double>(work_.step[j]);
+                const signed char state = frame_.bound_state[j];
+                frame_.psi[j] = state < 0   ? 0.0
+                                : state > 0 ? options.max_expression
+                                            : frame_.psi[j] + static_cast<double>(work_.step[j]);
             }
             return true;
         }
@@ -232,9 +242,9 @@ inline bool RealtimeFit::solve_expression()
             --patience;
         }
         if (patience >= 0) {
-            work_.bound_state.swap(work_.next_state);
+            frame_.bound_state.swap(work_.next_state);
         } else { // one at a time, so that it ends
-            work_.bound_state[last_wrong] = work_.next_state[last_wrong];
+            frame_.bound_state[last_wrong] = work_.next_state[last_wrong];
         }
     }
     return false;
@@ -242,26 +252,26 @@ inline bool RealtimeFit::solve_expression()
 
 inline RealtimeFit::Reference RealtimeFit::reference_points() const
 {
-    const Eigen::Index count = num_fixed_seen_ + static_cast<Eigen::Index>(work_.matches.size());
+    const Eigen::Index count = frame_.num_fixed_seen + static_cast<Eigen::Index>(frame_.matches.size());
     Reference reference;
     reference.points = ModelPoints::sized(count, pack_.num_shape, pack_.num_expressions);
     reference.image_points.resize(2, count);
     reference.weights.resize(count);
     Eigen::Index to = 0;
     for (int i = 0; i < pack_.fixed.num_points; ++i) {
-        const int landmark = work_.landmark_of_fixed[i];
+        const int landmark = frame_.landmark_of_fixed[i];
         if (landmark >= 0) {
-            reference.points.assign(to, fitter_.reference_.landmark_points(), work_.map_indices[landmark]);
+            reference.points.assign(to, fitter_.reference_.landmark_points(), frame_.map_indices[landmark]);
             reference.image_points.col(to) = landmarks_.landmarks[landmark].point_px;
             reference.weights[to] = fixed_weight(i);
             ++to;
         }
     }
-    for (std::size_t i = 0; i < work_.matches.size(); ++i, ++to) {
-        const RealtimeMatch& match = work_.matches[i];
-        fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[work_.match_rows[i]]);
+    for (std::size_t i = 0; i < frame_.matches.size(); ++i, ++to) {
+        const RealtimeMatch& match = frame_.matches[i];
+        fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[frame_.match_rows[i]]);
         reference.image_points.col(to) = landmarks_.landmarks[match.landmark_index].point_px;
-        reference.weights[to] = scale_factor_ * match.information;
+        reference.weights[to] = frame_.scale_factor * match.information;
     }
     return reference;
 }
@@ -273,8 +283,8 @@ inline void RealtimeFit::fit_identity_in_double()
     IdentityOptions options;
     options.regularization = fitter_.reference_.options().regularization;
     const IdentityResult solved =
-        lineament::fit_identity(reference.points, reference.image_points, camera_, reference.weights,
-                                Eigen::Map<const Eigen::VectorXd>(work_.psi.data(), pack_.num_expressions), options);
+        lineament::fit_identity(reference.points, reference.image_points, frame_.camera, reference.weights,
+                                Eigen::Map<const Eigen::VectorXd>(frame_.psi.data(), pack_.num_expressions), options);
     identity_status_ = solved.status;
     identity_reason_ = solved.reason;
     std::copy_n(solved.coefficients.data(), pack_.num_shape, work_.alpha.begin());
@@ -289,15 +299,15 @@ inline void RealtimeFit::fit_expression_in_double()
     options.prior_standard_deviations =
         Eigen::VectorXd::Constant(pack_.num_expressions, fitter_.reference_.options().expression_sigma);
     const ExpressionResult solved =
-        lineament::fit_expression(reference.points, reference.image_points, camera_, reference.weights,
+        lineament::fit_expression(reference.points, reference.image_points, frame_.camera, reference.weights,
                                   Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape), options);
-    std::copy_n(solved.coefficients.data(), pack_.num_expressions, work_.psi.begin());
+    std::copy_n(solved.coefficients.data(), pack_.num_expressions, frame_.psi.begin());
     if (solved.status != FitStatus::success) {
-        status_ = solved.status;
-        reason_ = solved.reason;
+        frame_.status = solved.status;
+        frame_.reason = solved.reason;
     }
     for (int j = 0; j < pack_.num_expressions; ++j) {
-        work_.bound_state[j] = work_.psi[j] <= 0 ? -1 : work_.psi[j] >= options.upper_bound ? 1 : 0;
+        frame_.bound_state[j] = frame_.psi[j] <= 0 ? -1 : frame_.psi[j] >= options.upper_bound ? 1 : 0;
     }
 }
 
