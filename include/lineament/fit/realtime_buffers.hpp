@@ -156,7 +156,8 @@ struct NeutralShape
     AlignedBuffer<float> alpha_row = {}; ///< What the known sets belong to.
     std::array<bool, num_point_sets> is_known = {};
     std::array<AlignedBuffer<float>, num_point_sets> points = {};
-    AlignedBuffer<float> contour = {}; ///< Of every row of contour_rows; frozen identities only.
+    AlignedBuffer<float> contour = {}; ///< Of each of contour_rows, those that are known.
+    std::vector<unsigned char> is_row_known = {};
     AlignedBuffer<float> mesh = {};
 };
 
@@ -253,7 +254,8 @@ struct RealtimeBuffers
     AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
 
     AlignedBuffer<float> fixed = {}, rest = {}; ///< S(a, psi).
-    AlignedBuffer<float> match_neutral = {}, match_offset = {}, match_positions = {};
+    std::vector<int> new_rows = {};             ///< Matched, but not known of this identity.
+    AlignedBuffer<float> new_points = {}, match_offset = {}, match_positions = {};
 
     AlignedBuffer<double> pose_points = {};
     std::vector<int> present = {};
@@ -279,7 +281,7 @@ struct RealtimeBuffers
     std::vector<SilhouetteBand> bands = {};
     std::vector<int> near_triangles = {}, near_slots = {}, near_vertices = {};
     AlignedBuffer<float> near_neutral = {}, near_offset = {}, near_seen = {};
-    std::vector<double> projected_u = {}, projected_v = {};
+    std::vector<double> projected_u = {}, projected_v = {}, squared_distances = {};
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
     AlignedBuffer<float> batch_coefficients = {}; ///< Of batch_size faces.

@@ -51,22 +51,27 @@ inline void RealtimeFit::add_match(const OutlineLandmark& landmark, int row)
     frame_.match_rows.push_back(row);
 }
 
-/// Position of the point nearest to (u, v) of the first `count` projected ones and the squared distance; -1: none.
-[[nodiscard]] inline std::pair<int, double> nearest_projected(const RealtimeBuffers& work, int count, double u,
-                                                              double v)
+/// Position of the point nearest to (u, v) of the first `count` projected ones, the first of equals, and the squared
+/// distance; -1: none.
+[[nodiscard]] inline std::pair<int, double> nearest_projected(RealtimeBuffers& work, int count, double u, double v)
 {
-    int nearest = -1;
-    double least = std::numeric_limits<double>::infinity();
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    double* squared = work.squared_distances.data();
     for (int i = 0; i < count; ++i) {
         const double du = work.projected_u[i] - u;
         const double dv = work.projected_v[i] - v;
-        const double distance = du * du + dv * dv;
-        if (distance < least) {
-            least = distance;
-            nearest = i;
+        squared[i] = du * du + dv * dv;
+    }
+    std::fill_n(squared + count, 3, infinity);
+    double least[4] = {infinity, infinity, infinity, infinity}; // four short chains instead of a long one
+    for (int i = 0; i < count; i += 4) {
+        for (int q = 0; q < 4; ++q) {
+            least[q] = std::min(least[q], squared[i + q]);
         }
     }
-    return {nearest, least};
+    const double smallest = std::min(std::min(least[0], least[1]), std::min(least[2], least[3]));
+    const double* found = std::find(squared, squared + count, smallest);
+    return {found == squared + count ? -1 : static_cast<int>(found - squared), smallest};
 }
 
 /// Where a model point is seen, in double precision as match_contour has it [px from the principal point].

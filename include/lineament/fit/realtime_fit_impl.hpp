@@ -278,6 +278,7 @@ inline void RealtimeFit::update_rows()
     if (!std::equal(alpha, alpha + pack_.num_shape, neutral.alpha_row.data())) {
         std::copy_n(alpha, pack_.num_shape, neutral.alpha_row.data());
         neutral.is_known.fill(false);
+        std::fill(neutral.is_row_known.begin(), neutral.is_row_known.end(), static_cast<unsigned char>(0));
     }
 }
 
@@ -306,21 +307,27 @@ inline void RealtimeFit::evaluate(PointSet set, AlignedBuffer<float>& out)
                             work_.psi_row.data(), out.data());
 }
 
+/// Sees to it that the neutral points of all matches are known.
 inline void RealtimeFit::update_matches_neutral()
 {
-    const int count = static_cast<int>(frame_.matches.size());
     if (frozen_ != nullptr) {
-        for (int i = 0; i < count; ++i) {
-            std::copy_n(frozen_->neutral_.contour.data() + 3 * frame_.match_rows[i], 3,
-                        work_.match_neutral.data() + 3 * i);
-        }
         return;
     }
-    kernels_.multiply_rows(pack_.contour_rows.identity.data(), pack_.shape_width, frame_.match_rows.data(), count,
-                           work_.alpha_row.data(), work_.match_neutral.data());
+    NeutralShape& neutral = work_.neutral;
+    work_.new_rows.clear();
+    for (const int row : frame_.match_rows) {
+        if (!neutral.is_row_known[row]) {
+            neutral.is_row_known[row] = 1;
+            work_.new_rows.push_back(row);
+        }
+    }
+    const int count = static_cast<int>(work_.new_rows.size());
+    kernels_.multiply_rows(pack_.contour_rows.identity.data(), pack_.shape_width, work_.new_rows.data(), count,
+                           work_.alpha_row.data(), work_.new_points.data());
     for (int i = 0; i < count; ++i) {
+        const int at = 3 * work_.new_rows[i];
         for (int axis = 0; axis < 3; ++axis) {
-            work_.match_neutral[3 * i + axis] += pack_.contour_rows.mean[3 * frame_.match_rows[i] + axis];
+            neutral.contour[at + axis] = work_.new_points[3 * i + axis] + pack_.contour_rows.mean[at + axis];
         }
     }
 }
@@ -332,8 +339,12 @@ inline void RealtimeFit::update_positions()
     const int count = static_cast<int>(frame_.matches.size());
     kernels_.multiply_rows(pack_.contour_rows.expression.data(), pack_.expression_width, frame_.match_rows.data(),
                            count, work_.psi_row.data(), work_.match_offset.data());
-    for (int i = 0; i < 3 * count; ++i) {
-        work_.match_positions[i] = work_.match_neutral[i] + work_.match_offset[i];
+    const float* contour = (frozen_ ? frozen_->neutral_ : work_.neutral).contour.data();
+    for (int i = 0; i < count; ++i) {
+        for (int axis = 0; axis < 3; ++axis) {
+            work_.match_positions[3 * i + axis] =
+                contour[3 * frame_.match_rows[i] + axis] + work_.match_offset[3 * i + axis];
+        }
     }
 }
 

@@ -280,14 +280,15 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     return pack;
 }
 
-[[nodiscard]] inline NeutralShape make_neutral(const RealtimePack& pack, bool is_frozen)
+[[nodiscard]] inline NeutralShape make_neutral(const RealtimePack& pack)
 {
     NeutralShape neutral;
     neutral.alpha_row = AlignedBuffer<float>(pack.shape_width);
     for (int set = 0; set < num_point_sets; ++set) {
         neutral.points[set] = AlignedBuffer<float>(pack.panels(static_cast<PointSet>(set)).size());
     }
-    neutral.contour = AlignedBuffer<float>(is_frozen ? pack.contour_rows.mean.size() : 0);
+    neutral.contour = AlignedBuffer<float>(pack.contour_rows.mean.size());
+    neutral.is_row_known.resize(pack.contour_vertices.size());
     neutral.mesh = AlignedBuffer<float>(pack.mesh.size());
     return neutral;
 }
@@ -335,13 +336,14 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     RealtimeBuffers buffers;
     buffers.frames.push_back(make_frame(pack));
     buffers.sums = make_sums(pack);
-    buffers.neutral = make_neutral(pack, false);
+    buffers.neutral = make_neutral(pack);
     buffers.alpha.resize(pack.num_shape);
     buffers.alpha_row = AlignedBuffer<float>(pack.shape_width);
     buffers.psi_row = AlignedBuffer<float>(pack.expression_width);
     buffers.fixed = AlignedBuffer<float>(pack.fixed.size());
     buffers.rest = AlignedBuffer<float>(pack.rest.size());
-    buffers.match_neutral = AlignedBuffer<float>(3 * max_matches);
+    buffers.new_rows.reserve(max_matches);
+    buffers.new_points = AlignedBuffer<float>(3 * max_matches);
     buffers.match_offset = AlignedBuffer<float>(3 * max_matches);
     buffers.match_positions = AlignedBuffer<float>(3 * max_matches);
     buffers.pose_points = AlignedBuffer<double>(6 * (num_fixed + max_matches + 8));
@@ -384,6 +386,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.by_row.resize(num_seen);
     buffers.projected_u.resize(num_projected);
     buffers.projected_v.resize(num_projected);
+    buffers.squared_distances.resize(num_projected + 4);
     buffers.projected_rows.resize(num_projected);
     buffers.occluder_alpha.resize(pack.num_shape);
     buffers.occluder_psi.resize(pack.num_expressions);
