@@ -329,17 +329,24 @@ private:
         std::fflush(stdout);
     }
 
-    /// The shapes of the fits, their displacement from the centre multiplied, against the mean face.
-    [[nodiscard]] std::vector<Pair> stretched(const Fits& fits, std::size_t source, const Eigen::VectorXd& center,
+    /// Coefficients base + factor (those of the fit - center).
+    struct Stretch
+    {
+        const char* name;
+        Eigen::VectorXd base;
+        Eigen::VectorXd center;
+    };
+
+    /// The shapes of the fits stretched, against the mean face.
+    [[nodiscard]] std::vector<Pair> stretched(const Fits& fits, std::size_t source, const Stretch& stretch,
                                               double factor) const
     {
         std::vector<Pair> pairs;
         for (std::size_t i = 0; i < fits.subjects.size(); ++i) {
             const Subject& subject = *fits.subjects[i];
             const Fit& fit = fits.of[source][i];
-            const Eigen::VectorXd coefficients = center + factor * (fit.shape_coefficients - center);
-            pairs.push_back({subject.mean_face,
-                             factor == 1.0 ? fit.distance : distance_to(subject, model_.shape.instance(coefficients))});
+            const Eigen::VectorXd shape = stretch.base + factor * (fit.shape_coefficients - stretch.center);
+            pairs.push_back({subject.mean_face, distance_to(subject, model_.shape.instance(shape))});
         }
         return pairs;
     }
@@ -383,7 +390,8 @@ private:
         for (std::size_t s = 0; s < num_sources; ++s) {
             const std::vector<Pair> fitted = as_fitted(halves[1], s);
             const Comparison c(fitted);
-            const Comparison from_common = change(stretched(halves[1], s, common_shape(halves[0], s), 0.0), fitted);
+            const Eigen::VectorXd common = common_shape(halves[0], s);
+            const Comparison from_common = change(stretched(halves[1], s, {"", common, common}, 0.0), fitted);
             std::printf("%-17s %5zu %10.3f %7.3f %7.3f %7.3f %5.1f%% %5.1f%% %7td %7.3f %13.3f %7.3f\n",
                         source_names[s], fitted.size(), c.mean_face_mm, c.fit_mm, c.gain_mm(), c.standard_error_mm,
                         c.percent(c.gain_mm()), c.percent(c.standard_error_mm), num_better(fitted),
@@ -398,7 +406,8 @@ private:
         std::fflush(stdout);
     }
 
-    /// Whether the fits lie too near to the mean face, or to what is common to them.
+    /// Whether the fits lie too near to the mean face, or to what is common to them, and whether that is true of the
+    /// heads.
     void print_stretched(const std::array<Fits, 2>& halves, const std::string& views) const
     {
         constexpr std::array<double, 5> factors = {0.0, 0.5, 1.0, 1.5, 2.0};
@@ -409,22 +418,23 @@ private:
         }
         std::printf("   best: odd  change    s.e.\n");
         for (std::size_t s = 0; s < num_sources; ++s) {
-            for (const bool about_common : {false, true}) {
-                const Eigen::VectorXd center = about_common
-                                                   ? common_shape(halves[0], s)
-                                                   : Eigen::VectorXd::Zero(model_.shape.num_coefficients()).eval();
+            const Eigen::VectorXd common = common_shape(halves[0], s);
+            const Eigen::VectorXd mean_face = Eigen::VectorXd::Zero(common.size());
+            for (const Stretch& stretch :
+                 {Stretch{"about the mean", mean_face, mean_face}, Stretch{"about common", common, common},
+                  Stretch{"less common", mean_face, common}}) {
                 double best = 0.0;
                 double least_mm = std::numeric_limits<double>::infinity();
-                std::printf("%-17s %-14s", source_names[s], about_common ? "about common" : "about the mean");
+                std::printf("%-17s %-14s", source_names[s], stretch.name);
                 for (const double factor : factors) {
-                    const double mm = Comparison(stretched(halves[0], s, center, factor)).fit_mm;
+                    const double mm = Comparison(stretched(halves[0], s, stretch, factor)).fit_mm;
                     std::printf(" %6.3f", mm);
                     if (mm < least_mm) {
                         least_mm = mm;
                         best = factor;
                     }
                 }
-                const Comparison c = change(as_fitted(halves[1], s), stretched(halves[1], s, center, best));
+                const Comparison c = change(as_fitted(halves[1], s), stretched(halves[1], s, stretch, best));
                 std::printf("  %4.2f: %6.3f %7.3f %7.3f\n", best, c.fit_mm, -c.gain_mm(), c.standard_error_mm);
             }
         }
