@@ -14,8 +14,8 @@
 // heads with the default one, the best on the even heads.
 //
 // The other model's jaw landmarks are fixed vertices on its cheeks, people and detectors mark the visible outline. So
-// the jaw is given in two ways: on the outline, where the ray from the nose base through the fixed vertex leaves the
-// face (nose excepted); and at the fixed vertices.
+// the jaw is given in two ways: where the face ends at the height of the fixed vertex (nose and underside of the jaw
+// excepted); and at the fixed vertices.
 #include "foreign_heads.hpp"
 
 #include "lineament/fit/face_fitter.hpp"
@@ -124,11 +124,12 @@ void print_regularizations(const Experiment& experiment, FitOptions options)
     }
 }
 
-/// What the default noise of JointOptions was chosen by.
-void print_outline_noise(const Experiment& experiment, JointOptions options)
+/// What the default noise of the outline was chosen by, of either fitter's options.
+template <typename FitterOptions>
+void print_outline_noise(const Experiment& experiment, const char* fitter, FitterOptions options)
 {
-    print_noise_heading("JointFitter", "outline");
-    for (const double sigma_mm : {4.0, 6.0, 8.0, 10.0, 12.0, 16.0}) {
+    print_noise_heading(fitter, "outline");
+    for (const double sigma_mm : {2.5, 4.0, 6.0, 8.0, 10.0, 14.0}) {
         options.contour_sigma_mm = sigma_mm;
         print_even_heads(experiment, sigma_mm, experiment.fit_with(options));
     }
@@ -180,7 +181,8 @@ int run(const std::string& path, int num_heads, const std::string& expressions)
     JointOptions joint_options;
     joint_options.expression_set = options.expression_set;
     print_regularizations(experiment, options);
-    print_outline_noise(experiment, joint_options);
+    print_outline_noise(experiment, "FaceFitter", options);
+    print_outline_noise(experiment, "JointFitter", joint_options);
     print_by_noise(experiment, "jaw on the outline", Jaw::outline, experiment.fit_with(options));
     print_regions(experiment, experiment.fit_with(options));
     print_by_noise(experiment, "jaw at fixed vertices", Jaw::vertices, experiment.fit_with(options));

@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -118,7 +119,7 @@ struct Head
 
 enum class Jaw
 {
-    outline,  ///< On the visible outline of the face.
+    outline,  ///< On the visible outline of the face, at the height of the fixed vertex.
     vertices, ///< At fixed vertices.
 };
 
@@ -130,23 +131,45 @@ struct View
     Eigen::Matrix2Xd unit_noise;  ///< 2 x 68, N(0, 1): the same draws at every noise level.
 };
 
-/// The last point of the edges on the ray from `origin` through `through`, or `through` if none lies on it.
+/// The farthest point of the edges along `direction` on the line through `from`, or `from` if none meets it.
 [[nodiscard]] inline Eigen::Vector2d leave_edges(const Eigen::Matrix2Xd& points,
                                                  const std::vector<std::array<int, 2>>& edges,
-                                                 const Eigen::Vector2d& origin, const Eigen::Vector2d& through)
+                                                 const Eigen::Vector2d& from, const Eigen::Vector2d& direction)
 {
-    const Eigen::Vector2d direction = (through - origin).normalized();
-    double last = 0.0;
+    double last = -std::numeric_limits<double>::infinity();
     for (const auto& [a, b] : edges) {
-        const Eigen::Vector2d p = points.col(a) - origin;
-        const Eigen::Vector2d q = points.col(b) - origin;
+        const Eigen::Vector2d p = points.col(a) - from;
+        const Eigen::Vector2d q = points.col(b) - from;
         const double side_p = direction.x() * p.y() - direction.y() * p.x();
         const double side_q = direction.x() * q.y() - direction.y() * q.x();
         if ((side_p < 0.0) != (side_q < 0.0)) {
             last = std::max(last, direction.dot(p + side_p / (side_p - side_q) * (q - p)));
         }
     }
-    return last > 0.0 ? Eigen::Vector2d(origin + last * direction) : through;
+    return std::isfinite(last) ? Eigen::Vector2d(from + last * direction) : from;
+}
+
+/// The edges of the face that can be its outline: neither the nose, which in a half profile reaches beyond the cheek,
+/// nor what lies under the jaw and looks down.
+[[nodiscard]] inline std::vector<std::array<int, 2>> outline_edges(const ForeignModel& foreign, const Head& head)
+{
+    constexpr double nose_radius_mm = 35.0; // about the tip
+    constexpr double least_upwards = -0.5;  // of a normal
+    const Eigen::Vector3d nose_tip = head.landmarks.col(30);
+    std::vector<std::array<int, 2>> edges;
+    for (const auto& triangle : foreign.triangles.colwise()) {
+        const Eigen::Vector3d a = head.vertices.col(triangle[0]);
+        const Eigen::Vector3d normal = (head.vertices.col(triangle[1]) - a).cross(head.vertices.col(triangle[2]) - a);
+        if (normal.y() < least_upwards * normal.norm()) {
+            continue;
+        }
+        for (int k = 0; k < 3; ++k) {
+            if ((head.vertices.col(triangle[k]) - nose_tip).norm() > nose_radius_mm) {
+                edges.push_back({triangle[k], triangle[(k + 1) % 3]});
+            }
+        }
+    }
+    return edges;
 }
 
 /// Yaw uniform in +-45 deg, pitch and roll with sd 8 and 5 deg, outer-eye distance 100 px.
@@ -162,16 +185,6 @@ struct View
     view.camera.phi_per_mm = phi_per_mm;
     view.camera.principal_point_px = principal_point_px;
 
-    constexpr double nose_radius_mm = 35.0; // about the tip: in a half profile the nose reaches beyond the cheek
-    std::vector<std::array<int, 2>> edges;
-    for (const auto& triangle : foreign.triangles.colwise()) {
-        for (int k = 0; k < 3; ++k) {
-            const std::array<int, 2> edge = {triangle[k], triangle[(k + 1) % 3]};
-            if ((head.vertices.col(edge[0]) - point(31)).norm() > nose_radius_mm) {
-                edges.push_back(edge);
-            }
-        }
-    }
     const Eigen::Matrix2Xd vertices_px = view.camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(head.vertices));
     Eigen::Matrix2Xd& outline = view.exact_px[static_cast<int>(Jaw::outline)];
     Eigen::Matrix2Xd& vertices = view.exact_px[static_cast<int>(Jaw::vertices)];
@@ -182,9 +195,13 @@ struct View
         view.unit_noise.col(ibug - 1) << random.normal(), random.normal();
     }
     outline = vertices;
+    const std::vector<std::array<int, 2>> edges = outline_edges(foreign, head);
+    const Eigen::Vector2d up = view.camera.camera_from_model.topRows<2>().col(1).normalized();
+    const Eigen::Vector2d to_the_right(-up.y(), up.x()); // of the picture, in the face's own sense of level
     for (int ibug = 1; ibug <= 17; ++ibug) {
         if (ibug != 9) { // the chin
-            outline.col(ibug - 1) = leave_edges(vertices_px, edges, vertices.col(33), vertices.col(ibug - 1));
+            const double side = ibug < 9 ? -1.0 : 1.0;
+            outline.col(ibug - 1) = leave_edges(vertices_px, edges, vertices.col(ibug - 1), side * to_the_right);
         }
     }
     return view;
