@@ -3,6 +3,7 @@
 #include "fit_outputs.hpp"
 
 #include "lineament/fit/fitted_shape.hpp"
+#include "lineament/io/file.hpp"
 #include "lineament/io/glb_file.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/mesh_file.hpp"
@@ -117,11 +118,12 @@ void write_face(const fs::path& folder, const MorphableModel& model, const Fitte
 {
     save_png((folder / "texture.png").string(), face.texture);
     GlbScene scene = make_scene(model, face.fit);
-    scene.texture = png_text(face.whole_texture);
+    const std::string whole_texture = png_text(face.whole_texture); // packed once for both files
+    scene.texture = whole_texture;
     save_glb((folder / "mesh.glb").string(), scene);
     const Mesh mesh = model.mesh_of(shape_of(model, face.fit));
     if (options.obj || options.neutral) {
-        save_png((folder / "texture_filled.png").string(), face.whole_texture);
+        write_file(folder / "texture_filled.png", whole_texture);
     }
     if (options.obj) {
         save_obj((folder / "mesh.obj").string(), mesh, "texture_filled.png");
