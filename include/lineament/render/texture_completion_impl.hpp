@@ -36,9 +36,14 @@ LINEAMENT_RENDER_INLINE ImageF diffuse(const ImageF& values, const ImageF& weigh
         for (int row = 0; row < values.height; ++row) {
             for (int column = 0; column < values.width; ++column) {
                 const float weight = std::clamp(weights.at(column, row), 0.0f, 1.0f);
+                if (!(weight > 0)) {
+                    continue;
+                }
                 coarse_weights.at(column / 2, row / 2) += weight;
-                for (int channel = 0; channel < values.channels && weight > 0; ++channel) {
-                    coarse_values.at(column / 2, row / 2, channel) += weight * values.at(column, row, channel);
+                const float* const value = values.pixel(column, row);
+                float* const sum = coarse_values.pixel(column / 2, row / 2);
+                for (int channel = 0; channel < values.channels; ++channel) {
+                    sum[channel] += weight * value[channel];
                 }
             }
         }
@@ -56,12 +61,17 @@ LINEAMENT_RENDER_INLINE ImageF diffuse(const ImageF& values, const ImageF& weigh
     for (int row = 0; row < values.height; ++row) {
         for (int column = 0; column < values.width; ++column) {
             const float weight = std::clamp(weights.at(column, row), 0.0f, 1.0f);
-            for (int channel = 0; channel < values.channels && weight < 1; ++channel) {
-                const float own = weight > 0 ? weight * values.at(column, row, channel) : 0.0f;
-                const float spread = is_coarsest ? (weight > 0 ? values.at(column, row, channel) : 0.0f)
-                                                 : sample_bilinear(coarse, 0.5f * (static_cast<float>(column) + 0.5f),
-                                                                   0.5f * (static_cast<float>(row) + 0.5f), channel);
-                filled.at(column, row, channel) = own + (1.0f - weight) * spread;
+            if (weight >= 1) {
+                continue;
+            }
+            const BilinearSample around(is_coarsest ? values : coarse, 0.5f * (static_cast<float>(column) + 0.5f),
+                                        0.5f * (static_cast<float>(row) + 0.5f));
+            const float* const value = values.pixel(column, row);
+            float* const target = filled.pixel(column, row);
+            for (int channel = 0; channel < values.channels; ++channel) {
+                const float own = weight > 0 ? weight * value[channel] : 0.0f;
+                const float spread = is_coarsest ? (weight > 0 ? value[channel] : 0.0f) : around(channel);
+                target[channel] = own + (1.0f - weight) * spread;
             }
         }
     }
@@ -152,7 +162,7 @@ LINEAMENT_RENDER_INLINE CompletedTexture complete_texture(const TextureMap& map,
             }
             for (int channel = 0; channel < 3 && !is_seen(column, row); ++channel) {
                 completed.color.at(column, row, channel) =
-                    static_cast<std::uint8_t>(std::lround(filled.at(column, row, channel)));
+                    static_cast<std::uint8_t>(rounded(filled.at(column, row, channel)));
             }
         }
     }
