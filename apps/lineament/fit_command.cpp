@@ -230,8 +230,10 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
     file.model = session.model.name;
     FitReport report;
     report.title = job.input.filename().string();
-    report.picture = picture;
     report.overlay = picture;
+    if (options.files.report) {
+        report.picture = picture;
+    }
     report.model_name = session.model.name;
     report.program = std::string("lineament ") + version;
     report.focal_px = options.model.focal_px > 0 ? std::optional(options.model.focal_px) : std::nullopt;
