@@ -9,8 +9,8 @@ cache=${XDG_CACHE_HOME:-$HOME/.cache}/lineament
 log=$(mktemp -t lineament-log-XXXXXX)
 step_name=start
 
-build_packages=(g++ cmake ninja-build ccache pkg-config libeigen3-dev libpng-dev libjpeg62-turbo-dev libdlib-dev libdlib-data
-                libavformat-dev libavcodec-dev libswscale-dev libavutil-dev nlohmann-json3-dev libcli11-dev
+build_packages=(g++ cmake ninja-build ccache pkg-config libeigen3-dev libpng-dev libdeflate-dev libjpeg62-turbo-dev
+                libdlib-dev libdlib-data libavformat-dev libavcodec-dev libswscale-dev libavutil-dev nlohmann-json3-dev libcli11-dev
                 libxnnpack-dev libpthreadpool-dev libcpuinfo-dev libhwy-dev)
 test_packages=(clang libgtest-dev libgmock-dev libbenchmark-dev)
 

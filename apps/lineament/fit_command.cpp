@@ -230,13 +230,16 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
     file.model = session.model.name;
     FitReport report;
     report.title = job.input.filename().string();
-    report.picture = picture;
     report.overlay = picture;
+    if (options.files.report) {
+        report.picture = picture;
+    }
     report.model_name = session.model.name;
     report.program = std::string("lineament ") + version;
     report.focal_px = options.model.focal_px > 0 ? std::optional(options.model.focal_px) : std::nullopt;
 
     make_folder(job.output);
+    FileBatch written;
     std::string problems;
     json["faces"] = Json::array();
     for (std::size_t i = 0; i < fits.size(); ++i) {
@@ -260,10 +263,10 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
         const FittedFace face = make_fitted_face(id, fit, session.model, session.layout, picture);
         const fs::path folder = fits.size() == 1 ? job.output : job.output / ("face_" + std::to_string(id));
         make_folder(folder);
-        write_face(folder, session.model, face, options.files);
+        write_face(written, folder, session.model, face, options.files);
         ImageU8 uncertainty;
         if (options.uncertainty && fits[i].shape_covariance.size() > 0) {
-            uncertainty = write_uncertainty(folder, session.model, fit,
+            uncertainty = write_uncertainty(written, folder, session.model, fit,
                                             session.fitters.vertex_deviations_mm(fits[i].shape_covariance));
         }
         report.overlay = draw_overlay(report.overlay, session.model, fit);
@@ -273,11 +276,12 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
         face_json["folder"] = folder.string();
         face_json["rms_px"] = fit.rms_px;
     }
-    save_png((job.output / "overlay.png").string(), report.overlay);
-    save_fit_json((job.output / "fit.json").string(), file);
+    written.write(job.output / "overlay.png", format_png(report.overlay));
+    written.write(job.output / "fit.json", format_fit_json(file));
     if (options.files.report) {
-        write_file(job.output / "report.html", std::string_view(format_fit_report(report)));
+        written.write(job.output / "report.html", format_fit_report(report));
     }
+    written.commit();
     if (!problems.empty()) {
         throw Failure(no_answer, job.input.string() + ": " + problems);
     }

@@ -30,6 +30,13 @@ GlbScene make_scene(const MorphableModel& model, const FitResult& fit)
     return scene;
 }
 
+/// The mesh with texture_filled.png on it, and the material that says so.
+void write_obj(FileBatch& files, const fs::path& folder, const std::string& name, const Mesh& mesh)
+{
+    files.write(folder / (name + ".mtl"), format_mtl("texture_filled.png"));
+    files.write(folder / (name + ".obj"), format_obj(mesh, {.material_file = name + ".mtl"}));
+}
+
 } // namespace
 
 std::vector<std::string> fit_file_names()
@@ -112,31 +119,30 @@ FittedFace make_fitted_face(int id, const FitResult& fit, const MorphableModel& 
     return face;
 }
 
-void write_face(const fs::path& folder, const MorphableModel& model, const FittedFace& face,
+void write_face(FileBatch& files, const fs::path& folder, const MorphableModel& model, const FittedFace& face,
                 const OutputOptions& options)
 {
-    save_png((folder / "texture.png").string(), face.texture);
+    files.write(folder / "texture.png", format_png(face.texture));
     GlbScene scene = make_scene(model, face.fit);
     scene.texture = png_text(face.whole_texture);
-    save_glb((folder / "mesh.glb").string(), scene);
-    const Mesh mesh = model.mesh_of(shape_of(model, face.fit));
     if (options.obj || options.neutral) {
-        save_png((folder / "texture_filled.png").string(), face.whole_texture);
+        files.write(folder / "texture_filled.png", scene.texture); // packed once for both files
     }
+    files.write(folder / "mesh.glb", format_glb(scene));
+    const Mesh mesh = model.mesh_of(shape_of(model, face.fit));
     if (options.obj) {
-        save_obj((folder / "mesh.obj").string(), mesh, "texture_filled.png");
+        write_obj(files, folder, "mesh", mesh);
     }
     if (options.neutral) {
-        save_obj((folder / "neutral.obj").string(), neutral_mesh(model, face.fit.shape_coefficients),
-                 "texture_filled.png");
+        write_obj(files, folder, "neutral", neutral_mesh(model, face.fit.shape_coefficients));
     }
     if (options.ply) {
-        save_ply((folder / "mesh.ply").string(), mesh);
+        files.write(folder / "mesh.ply", format_ply(mesh));
     }
-    save_png((folder / "frontal.png").string(), face.frontal);
+    files.write(folder / "frontal.png", format_png(face.frontal));
 }
 
-ImageU8 write_uncertainty(const fs::path& folder, const MorphableModel& model, const FitResult& fit,
+ImageU8 write_uncertainty(FileBatch& files, const fs::path& folder, const MorphableModel& model, const FitResult& fit,
                           const Eigen::VectorXf& vertex_deviations_mm)
 {
     constexpr int tile_px = 400;
@@ -150,9 +156,9 @@ ImageU8 write_uncertainty(const fs::path& folder, const MorphableModel& model, c
     ContactSheetOptions options;
     options.tile_width_px = options.tile_height_px = tile_px;
     const ImageU8 picture = add_color_bar(contact_sheet(tiles, 2, options), largest_deviation_mm, "mm");
-    save_png((folder / "uncertainty.png").string(), picture);
+    files.write(folder / "uncertainty.png", format_png(picture));
     scene.mesh.colors = scale_colors(vertex_deviations_mm, largest_deviation_mm);
-    save_glb((folder / "uncertainty.glb").string(), scene);
+    files.write(folder / "uncertainty.glb", format_glb(scene));
     return picture;
 }
 

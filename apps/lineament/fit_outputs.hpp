@@ -4,6 +4,7 @@
 
 #include "lineament/core/image.hpp"
 #include "lineament/fit/fit_result.hpp"
+#include "lineament/io/file.hpp"
 #include "lineament/io/glb_file.hpp"
 #include "lineament/model/morphable_model.hpp"
 #include "lineament/render/texture.hpp"
@@ -47,14 +48,14 @@ struct OutputOptions
                                           const TextureLayout& layout, const ImageU8& picture);
 
 /// Writes mesh.glb, mesh.obj, texture.png ... of one face into the folder, which exists.
-void write_face(const std::filesystem::path& folder, const MorphableModel& model, const FittedFace& face,
-                const OutputOptions& options);
+void write_face(FileBatch& files, const std::filesystem::path& folder, const MorphableModel& model,
+                const FittedFace& face, const OutputOptions& options);
 
 /// Writes uncertainty.glb, the neutral face with its expressions, and uncertainty.png, both coloured by the standard
 /// deviation of each vertex on a scale from 0 to 8 mm.
 /// @return The picture: front and side, and the scale.
-ImageU8 write_uncertainty(const std::filesystem::path& folder, const MorphableModel& model, const FitResult& fit,
-                          const Eigen::VectorXf& vertex_deviations_mm);
+ImageU8 write_uncertainty(FileBatch& files, const std::filesystem::path& folder, const MorphableModel& model,
+                          const FitResult& fit, const Eigen::VectorXf& vertex_deviations_mm);
 
 /// The neutral mesh (mean + B a) of a fit, with uv.
 [[nodiscard]] Mesh neutral_mesh(const MorphableModel& model, const Eigen::VectorXd& shape_coefficients);

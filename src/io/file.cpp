@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <map>
 #include <random>
 #include <system_error>
+#include <utility>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -195,33 +197,88 @@ void AtomicFile::write(std::span<const std::byte> bytes)
     }
 }
 
-void AtomicFile::commit()
+void AtomicFile::close()
 {
-    {
-        // The writer may have replaced the file under the temporary name, so the name is opened again.
-        const Descriptor file(open_again(temporary_path_.c_str(), O_RDONLY));
-        if (file.value() < 0) {
-            fail(path_, "cannot open the temporary file " + temporary_path_.string(), errno);
-        }
-        struct stat old = {};
-        if (::stat(target_.c_str(), &old) == 0) {
-            ::fchmod(file.value(), old.st_mode & 07777); // keeps the permissions of the file it replaces
-        }
-        flush(file.value(), path_);
-    }
     const int descriptor = descriptor_;
     descriptor_ = -1;
-    if (::close(descriptor) != 0 && errno != EINTR) {
+    if (descriptor >= 0 && ::close(descriptor) != 0 && errno != EINTR) {
         fail(path_, "cannot close the temporary file", errno);
     }
+}
+
+void AtomicFile::start_flush()
+{
+#ifdef SYNC_FILE_RANGE_WRITE
+    ::sync_file_range(descriptor_, 0, 0, SYNC_FILE_RANGE_WRITE); // a hint: flush_file waits for it and tells of errors
+#endif
+    close();
+}
+
+void AtomicFile::flush_file()
+{
+    // The writer may have replaced the file under the temporary name, so the name is opened again.
+    const Descriptor file(open_again(temporary_path_.c_str(), O_RDONLY));
+    if (file.value() < 0) {
+        fail(path_, "cannot open the temporary file " + temporary_path_.string(), errno);
+    }
+    struct stat old = {};
+    if (::stat(target_.c_str(), &old) == 0) {
+        ::fchmod(file.value(), old.st_mode & 07777); // keeps the permissions of the file it replaces
+    }
+    flush(file.value(), path_);
+}
+
+void AtomicFile::replace()
+{
+    close();
     if (::rename(temporary_path_.c_str(), target_.c_str()) != 0) {
         fail(path_, "cannot replace", errno);
     }
     temporary_path_.clear();
+}
+
+void AtomicFile::flush_folder() const
+{
     const std::filesystem::path parent = target_.parent_path();
     const Descriptor folder(open_again(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY));
     if (folder.value() >= 0) { // a folder that may be written but not read cannot be flushed
         flush(folder.value(), path_);
+    }
+}
+
+void AtomicFile::commit()
+{
+    flush_file();
+    replace();
+    flush_folder();
+}
+
+void FileBatch::write(const std::filesystem::path& path, std::span<const std::byte> bytes)
+{
+    AtomicFile& file = *files_.emplace_back(std::make_unique<AtomicFile>(path));
+    file.write(bytes);
+    file.start_flush();
+}
+
+void FileBatch::write(const std::filesystem::path& path, std::string_view text)
+{
+    write(path, std::as_bytes(std::span(text)));
+}
+
+void FileBatch::commit()
+{
+    const std::vector<std::unique_ptr<AtomicFile>> files = std::move(files_); // removed at the end if something fails
+    files_.clear();
+    for (const auto& file : files) {
+        file->flush_file();
+    }
+    std::map<std::filesystem::path, const AtomicFile*> folders;
+    for (const auto& file : files) {
+        file->replace();
+        folders[file->target_.parent_path()] = file.get();
+    }
+    for (const auto& [folder, file] : folders) {
+        file->flush_folder();
     }
 }
 

@@ -10,7 +10,7 @@
 #include <span>
 #include <string>
 
-// What image_file.cpp, png_codec.cpp, jpeg_codec.cpp and exif.cpp share.
+// What image_file.cpp, png_reader.cpp, png_writer.cpp, jpeg_codec.cpp and exif.cpp share.
 namespace lineament::image_codecs {
 
 /// The pixels as stored (orientation not applied), RGB.

@@ -11,8 +11,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <utility>
+#include <vector>
 
 namespace lineament {
 
@@ -78,11 +78,14 @@ const Level& readable_level(const MorphableModel& model, const Eigen::Matrix2Xd&
     return model.levels.front();
 }
 
+using Edge = std::pair<int, int>; // the smaller vertex number first
+
 // The edges of triangles that are seen, each once, with how squarely it is seen: 0 at the silhouette to 1.
-std::map<std::pair<int, int>, double> seen_edges(const Level& level, const Eigen::Matrix3Xf& vertices,
-                                                 const Camera& camera, const DepthTest& depth_test)
+std::vector<std::pair<Edge, double>> seen_edges(const Level& level, const Eigen::Matrix3Xf& vertices,
+                                                const Camera& camera, const DepthTest& depth_test)
 {
-    std::map<std::pair<int, int>, double> edges;
+    std::vector<std::pair<Edge, double>> edges; // those of two seen triangles twice at first
+    edges.reserve(3 * static_cast<std::size_t>(level.triangles.cols()));
     for (Eigen::Index t = 0; t < level.triangles.cols(); ++t) {
         const Eigen::Vector3i corners = level.triangles.col(t);
         Eigen::Matrix3d points;
@@ -97,10 +100,15 @@ std::map<std::pair<int, int>, double> seen_edges(const Level& level, const Eigen
         }
         const double facing = std::clamp(-normal.dot(view_ray(camera, middle).normalized()), 0.0, 1.0);
         for (int i = 0; i < 3; ++i) {
-            const std::pair<int, int> edge = std::minmax(corners[i], corners[(i + 1) % 3]);
-            edges[edge] = std::max(edges[edge], facing);
+            edges.emplace_back(std::minmax(corners[i], corners[(i + 1) % 3]), facing);
         }
     }
+    std::sort(edges.begin(), edges.end(), [](const auto& a, const auto& b) {
+        return a.first != b.first ? a.first < b.first : a.second > b.second;
+    });
+    edges.erase(
+        std::unique(edges.begin(), edges.end(), [](const auto& a, const auto& b) { return a.first == b.first; }),
+        edges.end());
     return edges;
 }
 

@@ -89,9 +89,15 @@ struct Network
 /// @par Reference  FlatBuffers and FlexBuffers binary formats; TensorFlow Lite schema, version 3.
 [[nodiscard]] Network parse_network(std::string_view bytes, const std::string& path);
 
+enum class ShaCode
+{
+    fastest, ///< By the processor's instructions for it, where it has them.
+    portable
+};
+
 /// SHA-256 as 64 hexadecimal digits.
 /// @par Reference  FIPS 180-4.
-[[nodiscard]] std::string sha256(std::string_view bytes);
+[[nodiscard]] std::string sha256(std::string_view bytes, ShaCode code = ShaCode::fastest);
 
 enum class NetworkTrust
 {

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 namespace lineament::network {
@@ -134,25 +135,27 @@ void NetworkReader::read_constant(const FlatVector& data, std::size_t size, Tens
     }
     described.known = true;
     count_constants(size, data.begin);
-    for (std::size_t i = 0; i < size; ++i) {
-        const std::size_t at = data.begin + i * width;
-        float value = 0.0f;
-        switch (described.type) {
-        case DataType::int32:
-            described.integers.push_back(bytes_.read<std::int32_t>(at));
-            continue;
-        case DataType::float16:
-            value =
-                Eigen::half_impl::half_to_float(Eigen::half_impl::raw_uint16_to_half(bytes_.read<std::uint16_t>(at)));
-            break;
-        case DataType::float32:
-            value = bytes_.read<float>(at);
-            break;
+    const char* const bytes = bytes_.range(data.begin, size * width).data();
+    if (described.type == DataType::int32) {
+        described.integers.resize(size);
+        std::memcpy(described.integers.data(), bytes, size * width);
+        return;
+    }
+    tensor.values.resize(size);
+    if (described.type == DataType::float32) {
+        std::memcpy(tensor.values.data(), bytes, size * width);
+    } else {
+        for (std::size_t i = 0; i < size; ++i) {
+            std::uint16_t half = 0;
+            std::memcpy(&half, bytes + i * width, sizeof half);
+            tensor.values[i] = Eigen::half_impl::half_to_float(Eigen::half_impl::raw_uint16_to_half(half));
         }
-        if (!std::isfinite(value)) {
-            bytes_.fail(at, "a constant that is not finite");
-        }
-        tensor.values.push_back(value);
+    }
+    const auto is_not_finite = [](float value) { return !std::isfinite(value); };
+    const auto fault = std::find_if(tensor.values.begin(), tensor.values.end(), is_not_finite);
+    if (fault != tensor.values.end()) {
+        bytes_.fail(data.begin + static_cast<std::size_t>(fault - tensor.values.begin()) * width,
+                    "a constant that is not finite");
     }
 }
 

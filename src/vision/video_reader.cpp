@@ -35,7 +35,7 @@ struct Orientation
 Orientation orientation_of(const AVStream& stream)
 {
     std::size_t size = 0;
-    const std::uint8_t* data = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &size);
+    const std::uint8_t* data = ffmpeg::av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &size);
     if (data == nullptr || size < 9 * sizeof(std::int32_t)) {
         return {};
     }
@@ -76,19 +76,19 @@ const int* colour_matrix(const AVFrame& frame)
 {
     switch (frame.colorspace) {
     case AVCOL_SPC_BT709:
-        return sws_getCoefficients(SWS_CS_ITU709);
+        return ffmpeg::sws_getCoefficients(SWS_CS_ITU709);
     case AVCOL_SPC_BT2020_NCL:
     case AVCOL_SPC_BT2020_CL:
-        return sws_getCoefficients(SWS_CS_BT2020);
+        return ffmpeg::sws_getCoefficients(SWS_CS_BT2020);
     case AVCOL_SPC_SMPTE240M:
-        return sws_getCoefficients(SWS_CS_SMPTE240M);
+        return ffmpeg::sws_getCoefficients(SWS_CS_SMPTE240M);
     case AVCOL_SPC_FCC:
-        return sws_getCoefficients(SWS_CS_FCC);
+        return ffmpeg::sws_getCoefficients(SWS_CS_FCC);
     case AVCOL_SPC_BT470BG:
     case AVCOL_SPC_SMPTE170M:
-        return sws_getCoefficients(SWS_CS_ITU601);
+        return ffmpeg::sws_getCoefficients(SWS_CS_ITU601);
     default:
-        return sws_getCoefficients(frame.height >= 720 ? SWS_CS_ITU709 : SWS_CS_ITU601);
+        return ffmpeg::sws_getCoefficients(frame.height >= 720 ? SWS_CS_ITU709 : SWS_CS_ITU601);
     }
 }
 
@@ -165,8 +165,8 @@ struct VideoReader::Implementation
     ffmpeg::Input input;
     ffmpeg::Codec decoder;
     AVStream* stream = nullptr;
-    ffmpeg::Packet packet{av_packet_alloc()};
-    ffmpeg::Frame frame{av_frame_alloc()};
+    ffmpeg::Packet packet{ffmpeg::av_packet_alloc()};
+    ffmpeg::Frame frame{ffmpeg::av_frame_alloc()};
     ffmpeg::Frame rgb; // as stored, scaled to square pixels
     ffmpeg::Scaler scaler;
     Orientation turn;
@@ -206,7 +206,6 @@ struct VideoReader::Implementation
 
 void VideoReader::Implementation::open_file()
 {
-    ffmpeg::silence();
     std::error_code error;
     if (!std::filesystem::exists(path, error)) {
         fail(IoErrorKind::system, "no such file");
@@ -224,11 +223,11 @@ void VideoReader::Implementation::open_file()
         fail(IoErrorKind::content, "expected a video, found an empty file");
     }
     AVDictionary* settings = nullptr;
-    av_dict_set(&settings, "protocol_whitelist", "file", 0);
-    av_dict_set(&settings, "format_whitelist", allowed_formats, 0);
+    ffmpeg::av_dict_set(&settings, "protocol_whitelist", "file", 0);
+    ffmpeg::av_dict_set(&settings, "format_whitelist", allowed_formats, 0);
     AVFormatContext* opened = nullptr;
-    const int result = avformat_open_input(&opened, ("file:" + path).c_str(), nullptr, &settings);
-    av_dict_free(&settings);
+    const int result = ffmpeg::avformat_open_input(&opened, ("file:" + path).c_str(), nullptr, &settings);
+    ffmpeg::av_dict_free(&settings);
     if (result < 0 && std::memcmp(start + 4, "ftyp", 4) == 0) {
         fail(IoErrorKind::content,
              "expected an MP4 or MOV video, found one without a usable index (moov): the recording "
@@ -240,7 +239,7 @@ void VideoReader::Implementation::open_file()
     }
     input.reset(opened);
     input->flags |= AVFMT_FLAG_GENPTS;
-    if (avformat_find_stream_info(input.get(), nullptr) < 0) {
+    if (ffmpeg::avformat_find_stream_info(input.get(), nullptr) < 0) {
         fail(IoErrorKind::content, "no stream of the video can be understood");
     }
 }
@@ -248,7 +247,7 @@ void VideoReader::Implementation::open_file()
 void VideoReader::Implementation::open_decoder()
 {
     const AVCodec* codec = nullptr;
-    const int index = av_find_best_stream(input.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &codec, 0);
+    const int index = ffmpeg::av_find_best_stream(input.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &codec, 0);
     if (index == AVERROR_DECODER_NOT_FOUND) {
         fail(IoErrorKind::content, "the FFmpeg in use has no decoder for this video");
     }
@@ -261,12 +260,12 @@ void VideoReader::Implementation::open_decoder()
     }
     stream = input->streams[index];
     turn = orientation_of(*stream);
-    decoder.reset(avcodec_alloc_context3(codec));
+    decoder.reset(ffmpeg::avcodec_alloc_context3(codec));
     decoder->max_pixels = max_pixels;
     decoder->thread_count = 0;
     decoder->pkt_timebase = stream->time_base;
-    if (avcodec_parameters_to_context(decoder.get(), stream->codecpar) < 0 ||
-        avcodec_open2(decoder.get(), codec, nullptr) < 0) {
+    if (ffmpeg::avcodec_parameters_to_context(decoder.get(), stream->codecpar) < 0 ||
+        ffmpeg::avcodec_open2(decoder.get(), codec, nullptr) < 0) {
         fail(IoErrorKind::content, std::string("the ") + codec->name + " stream cannot be decoded");
     }
     const AVRational rate = stream->avg_frame_rate.num > 0 ? stream->avg_frame_rate : stream->r_frame_rate;
@@ -278,14 +277,14 @@ void VideoReader::Implementation::open_decoder()
                       : info.duration_s * info.frame_rate < 1e15 ? std::llround(info.duration_s * info.frame_rate)
                                                                  : 0;
     info.rotation_deg = turn.clockwise_deg();
-    info.codec = avcodec_get_name(stream->codecpar->codec_id);
+    info.codec = ffmpeg::avcodec_get_name(stream->codecpar->codec_id);
 }
 
 /// Fills `frame` with the next decoded picture; false at the end.
 bool VideoReader::Implementation::decode()
 {
     while (true) {
-        const int received = avcodec_receive_frame(decoder.get(), frame.get());
+        const int received = ffmpeg::avcodec_receive_frame(decoder.get(), frame.get());
         if (received >= 0) {
             return true;
         }
@@ -298,11 +297,11 @@ bool VideoReader::Implementation::decode()
                 return false;
             }
         }
-        const int read = av_read_frame(input.get(), packet.get());
+        const int read = ffmpeg::av_read_frame(input.get(), packet.get());
         if (read < 0) {
             note_early_end(read);
             at_end = true;
-            avcodec_send_packet(decoder.get(), nullptr); // from here on the decoder hands out what it still holds
+            ffmpeg::avcodec_send_packet(decoder.get(), nullptr); // from here on the decoder hands out what it holds
             continue;
         }
         if (packet->stream_index == stream->index) {
@@ -310,11 +309,11 @@ bool VideoReader::Implementation::decode()
             if ((packet->flags & AV_PKT_FLAG_CORRUPT) != 0) {
                 note_damage(); // the file ends within the packet
             }
-            if (avcodec_send_packet(decoder.get(), packet.get()) < 0) {
+            if (ffmpeg::avcodec_send_packet(decoder.get(), packet.get()) < 0) {
                 note_damage();
             }
         }
-        av_packet_unref(packet.get());
+        ffmpeg::av_packet_unref(packet.get());
     }
 }
 
@@ -359,7 +358,7 @@ double VideoReader::Implementation::presentation_time()
 /// Size of the picture with square pixels, before rotation.
 std::pair<int, int> VideoReader::Implementation::square_pixel_size() const
 {
-    const AVRational ratio = av_guess_sample_aspect_ratio(input.get(), stream, frame.get());
+    const AVRational ratio = ffmpeg::av_guess_sample_aspect_ratio(input.get(), stream, frame.get());
     const double aspect = ratio.num > 0 && ratio.den > 0 ? av_q2d(ratio) : 1.0;
     if (aspect < 0.125 || aspect > 8.0) {
         return {frame->width, frame->height}; // nonsense
@@ -381,15 +380,15 @@ VideoFrame VideoReader::Implementation::convert()
     bool full_range = frame->color_range == AVCOL_RANGE_JPEG;
     const AVPixelFormat format = without_range(static_cast<AVPixelFormat>(frame->format), full_range);
     const bool resized = frame->width != rgb->width || frame->height != rgb->height;
-    scaler.reset(sws_getCachedContext(
+    scaler.reset(ffmpeg::sws_getCachedContext(
         scaler.release(), frame->width, frame->height, format, rgb->width, rgb->height, AV_PIX_FMT_RGB24,
         (resized ? SWS_BICUBIC : SWS_BILINEAR) | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT, nullptr, nullptr, nullptr));
     if (scaler == nullptr) {
         fail(IoErrorKind::content, "the pixel format of " + place() + " cannot be converted to RGB");
     }
-    sws_setColorspaceDetails(scaler.get(), colour_matrix(*frame), full_range ? 1 : 0,
-                             sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
-    sws_scale(scaler.get(), frame->data, frame->linesize, 0, frame->height, rgb->data, rgb->linesize);
+    ffmpeg::sws_setColorspaceDetails(scaler.get(), colour_matrix(*frame), full_range ? 1 : 0,
+                                     ffmpeg::sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
+    ffmpeg::sws_scale(scaler.get(), frame->data, frame->linesize, 0, frame->height, rgb->data, rgb->linesize);
     VideoFrame result = {.picture = oriented(*rgb, turn),
                          .time_s = presentation_time(),
                          .index = num_decoded,
@@ -423,8 +422,10 @@ std::optional<VideoFrame> VideoReader::Implementation::next_frame()
     return convert();
 }
 
-VideoReader::VideoReader(const std::string& path) : implementation_(std::make_unique<Implementation>())
+VideoReader::VideoReader(const std::string& path)
 {
+    ffmpeg::load();
+    implementation_ = std::make_unique<Implementation>();
     implementation_->path = path;
     implementation_->open_file();
     implementation_->open_decoder();

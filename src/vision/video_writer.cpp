@@ -26,7 +26,7 @@ struct VideoWriter::Implementation
     ffmpeg::Scaler scaler;
     ffmpeg::Frame rgb;
     ffmpeg::Frame yuv;
-    ffmpeg::Packet packet{av_packet_alloc()};
+    ffmpeg::Packet packet{ffmpeg::av_packet_alloc()};
     std::string codec_name;
     int width = 0;
     int height = 0;
@@ -38,8 +38,8 @@ struct VideoWriter::Implementation
     ~Implementation()
     {
         if (output != nullptr) {
-            avio_closep(&output->pb);
-            avformat_free_context(output);
+            ffmpeg::avio_closep(&output->pb);
+            ffmpeg::avformat_free_context(output);
         }
         std::error_code ignored;
         if (!finished && std::filesystem::is_regular_file(path, ignored)) {
@@ -57,16 +57,15 @@ struct VideoWriter::Implementation
 
     void open_file()
     {
-        ffmpeg::silence();
-        check(avformat_alloc_output_context2(&output, nullptr, "mp4", nullptr), "make an MP4 file");
-        check(avio_open(&output->pb, ("file:" + path).c_str(), AVIO_FLAG_WRITE), "create the file");
-        const AVCodec* codec = avcodec_find_encoder_by_name("libx264");
+        check(ffmpeg::avformat_alloc_output_context2(&output, nullptr, "mp4", nullptr), "make an MP4 file");
+        check(ffmpeg::avio_open(&output->pb, ("file:" + path).c_str(), AVIO_FLAG_WRITE), "create the file");
+        const AVCodec* codec = ffmpeg::avcodec_find_encoder_by_name("libx264");
         if (codec == nullptr) {
-            codec = avcodec_find_encoder(AV_CODEC_ID_MPEG4);
+            codec = ffmpeg::avcodec_find_encoder(AV_CODEC_ID_MPEG4);
         }
         check(codec == nullptr ? AVERROR_ENCODER_NOT_FOUND : 0, "encode H.264 or MPEG-4");
         codec_name = codec->name;
-        encoder.reset(avcodec_alloc_context3(codec));
+        encoder.reset(ffmpeg::avcodec_alloc_context3(codec));
     }
 
     /// Opens the encoder for pictures of this size and writes the head of the file.
@@ -79,7 +78,7 @@ struct VideoWriter::Implementation
         e.height = height + height % 2;
         e.pix_fmt = AV_PIX_FMT_YUV420P;
         e.time_base = {1, ticks_per_second};
-        e.framerate = av_d2q(options.expected_frame_rate, ticks_per_second);
+        e.framerate = ffmpeg::av_d2q(options.expected_frame_rate, ticks_per_second);
         e.gop_size = options.keyframe_interval;
         e.max_b_frames = 0; // frames leave in the order they come: nothing waits when the process is killed
         e.color_range = AVCOL_RANGE_MPEG;
@@ -88,50 +87,51 @@ struct VideoWriter::Implementation
         e.color_trc = AVCOL_TRC_BT709;
         e.flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
         if (codec_name == "libx264") {
-            av_opt_set(e.priv_data, "preset", "veryfast", 0);
-            av_opt_set_double(e.priv_data, "crf", options.quality, 0);
+            ffmpeg::av_opt_set(e.priv_data, "preset", "veryfast", 0);
+            ffmpeg::av_opt_set_double(e.priv_data, "crf", options.quality, 0);
         } else {
             e.flags |= AV_CODEC_FLAG_QSCALE;
             e.global_quality = static_cast<int>(FF_QP2LAMBDA * std::max(1.0, options.quality / 6.0));
         }
-        check(avcodec_open2(&e, nullptr, nullptr), "open the encoder " + codec_name);
-        stream = avformat_new_stream(output, nullptr);
+        check(ffmpeg::avcodec_open2(&e, nullptr, nullptr), "open the encoder " + codec_name);
+        stream = ffmpeg::avformat_new_stream(output, nullptr);
         check(stream == nullptr ? AVERROR(ENOMEM) : 0, "add a stream");
-        check(avcodec_parameters_from_context(stream->codecpar, &e), "describe the stream");
+        check(ffmpeg::avcodec_parameters_from_context(stream->codecpar, &e), "describe the stream");
         stream->time_base = e.time_base;
         stream->avg_frame_rate = e.framerate;
         AVDictionary* settings = nullptr;
-        av_dict_set(&settings, "movflags", "frag_keyframe+empty_moov+default_base_moof", 0);
-        av_dict_set_int(&settings, "video_track_timescale", ticks_per_second, 0);
-        const int result = avformat_write_header(output, &settings);
-        av_dict_free(&settings);
+        ffmpeg::av_dict_set(&settings, "movflags", "frag_keyframe+empty_moov+default_base_moof", 0);
+        ffmpeg::av_dict_set_int(&settings, "video_track_timescale", ticks_per_second, 0);
+        const int result = ffmpeg::avformat_write_header(output, &settings);
+        ffmpeg::av_dict_free(&settings);
         check(result, "write the file's head");
         rgb = ffmpeg::make_frame(e.width, e.height, AV_PIX_FMT_RGB24);
         yuv = ffmpeg::make_frame(e.width, e.height, AV_PIX_FMT_YUV420P);
         yuv->color_range = e.color_range;
         yuv->colorspace = e.colorspace;
-        scaler.reset(sws_getContext(e.width, e.height, AV_PIX_FMT_RGB24, e.width, e.height, AV_PIX_FMT_YUV420P,
-                                    SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr, nullptr));
+        scaler.reset(ffmpeg::sws_getContext(e.width, e.height, AV_PIX_FMT_RGB24, e.width, e.height, AV_PIX_FMT_YUV420P,
+                                            SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr,
+                                            nullptr));
         check(scaler == nullptr ? AVERROR(ENOMEM) : 0, "convert colours");
-        const int* bt709 = sws_getCoefficients(SWS_CS_ITU709);
-        sws_setColorspaceDetails(scaler.get(), bt709, 1, bt709, 0, 0, 1 << 16, 1 << 16);
+        const int* bt709 = ffmpeg::sws_getCoefficients(SWS_CS_ITU709);
+        ffmpeg::sws_setColorspaceDetails(scaler.get(), bt709, 1, bt709, 0, 0, 1 << 16, 1 << 16);
     }
 
     /// Hands a frame (none: the end) to the encoder and writes what comes out.
     void encode(const AVFrame* frame)
     {
-        check(avcodec_send_frame(encoder.get(), frame), "encode");
+        check(ffmpeg::avcodec_send_frame(encoder.get(), frame), "encode");
         while (true) {
-            const int result = avcodec_receive_packet(encoder.get(), packet.get());
+            const int result = ffmpeg::avcodec_receive_packet(encoder.get(), packet.get());
             if (result == AVERROR(EAGAIN) || result == AVERROR_EOF) {
                 return;
             }
             check(result, "encode");
             // A packet lasts until the next one; the muxer knows that of all but the last of a fragment.
             packet->duration = last_duration;
-            av_packet_rescale_ts(packet.get(), encoder->time_base, stream->time_base);
+            ffmpeg::av_packet_rescale_ts(packet.get(), encoder->time_base, stream->time_base);
             packet->stream_index = stream->index;
-            check(av_interleaved_write_frame(output, packet.get()), "write");
+            check(ffmpeg::av_interleaved_write_frame(output, packet.get()), "write");
             check(output->pb->error, "write");
         }
     }
@@ -146,6 +146,7 @@ VideoWriter::VideoWriter(const std::string& path, const VideoWriterOptions& opti
             "expected_frame_rate", "a number in [0.01, 1000]", to_text(options.expected_frame_rate));
     require(options.keyframe_interval >= 1 && options.keyframe_interval <= 1000, function, "keyframe_interval",
             "a number in 1 ... 1000", std::to_string(options.keyframe_interval));
+    ffmpeg::load();
     implementation_ = std::make_unique<Implementation>();
     implementation_->path = path;
     implementation_->options = options;
@@ -182,8 +183,8 @@ void VideoWriter::write(const ImageU8& picture, double time_s)
             std::memcpy(target + size, target + size - 3, 3);
         }
     }
-    w.check(av_frame_make_writable(w.yuv.get()), "encode");
-    sws_scale(w.scaler.get(), w.rgb->data, w.rgb->linesize, 0, w.encoder->height, w.yuv->data, w.yuv->linesize);
+    w.check(ffmpeg::av_frame_make_writable(w.yuv.get()), "encode");
+    ffmpeg::sws_scale(w.scaler.get(), w.rgb->data, w.rgb->linesize, 0, w.encoder->height, w.yuv->data, w.yuv->linesize);
     w.yuv->pts = ticks;
     w.last_duration =
         w.num_frames == 0 ? std::llround(ticks_per_second / w.options.expected_frame_rate) : ticks - w.last_ticks;
@@ -202,10 +203,10 @@ void VideoWriter::finish()
         throw IoError(IoErrorKind::content, w.path, "", "no picture was written: there is no video to finish");
     }
     w.encode(nullptr);
-    w.check(av_write_trailer(w.output), "complete the file");
-    avio_flush(w.output->pb);
+    w.check(ffmpeg::av_write_trailer(w.output), "complete the file");
+    ffmpeg::avio_flush(w.output->pb);
     w.check(w.output->pb->error, "write");
-    w.check(avio_closep(&w.output->pb), "close the file");
+    w.check(ffmpeg::avio_closep(&w.output->pb), "close the file");
     w.finished = true;
 }
 

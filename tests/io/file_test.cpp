@@ -165,6 +165,45 @@ TEST(AtomicFile, CommitPublishesWhatAnotherWriterWroteUnderTheTemporaryName)
     EXPECT_EQ(num_entries(folder.path()), 1u);
 }
 
+TEST(FileBatch, FilesAppearTogetherOnCommitAndNotWithoutIt)
+{
+    const TemporaryFolder folder;
+    std::filesystem::create_directory(folder / "b");
+    write_file(folder / "old", "old");
+    {
+        FileBatch batch;
+        batch.write(folder / "old", "new");
+        batch.write(folder / "b/more", "more");
+        EXPECT_EQ(read_text_file(folder / "old"), "old");
+        EXPECT_FALSE(std::filesystem::exists(folder / "b/more"));
+    }
+    EXPECT_EQ(num_entries(folder.path()), 2u);
+    EXPECT_EQ(num_entries(folder / "b"), 0u);
+    FileBatch batch;
+    batch.write(folder / "old", "newer");
+    batch.write(folder / "b/more", "more");
+    batch.write(folder / "b/more", "most");
+    batch.commit();
+    EXPECT_EQ(read_text_file(folder / "old"), "newer");
+    EXPECT_EQ(read_text_file(folder / "b/more"), "most");
+    EXPECT_EQ(num_entries(folder.path()), 2u);
+    EXPECT_EQ(num_entries(folder / "b"), 1u);
+    batch.commit(); // nothing is left to do
+}
+
+TEST(FileBatch, AFileThatCannotBeMadeLeavesTheOthersAsTheyWere)
+{
+    const TemporaryFolder folder;
+    write_file(folder / "old", "old");
+    {
+        FileBatch batch;
+        batch.write(folder / "old", "new");
+        EXPECT_TRUE(throws<IoError>([&] { batch.write(folder / "none/b", "b"); }, "none/b"));
+    }
+    EXPECT_EQ(read_text_file(folder / "old"), "old");
+    EXPECT_EQ(num_entries(folder.path()), 1u);
+}
+
 TEST(GuessContent, NamesWhatIsOftenMistakenForSomethingElse)
 {
     const auto kind = [](std::string_view text) {

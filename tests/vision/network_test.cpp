@@ -27,10 +27,21 @@ std::string content(const std::string& path)
 
 TEST(Sha256, AgreesWithTheStandardsExamples)
 {
-    EXPECT_EQ(sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
-    EXPECT_EQ(sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-    EXPECT_EQ(sha256("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
-              "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+    for (const ShaCode code : {ShaCode::fastest, ShaCode::portable}) {
+        EXPECT_EQ(sha256("", code), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+        EXPECT_EQ(sha256("abc", code), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+        EXPECT_EQ(sha256("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq", code),
+                  "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+    }
+}
+
+TEST(Sha256, InstructionsAndPortableCodeAgreeAtEveryLength)
+{
+    std::string bytes;
+    for (int length = 0; length < 300; ++length) {
+        EXPECT_EQ(sha256(bytes), sha256(bytes, ShaCode::portable)) << length << " bytes";
+        bytes += static_cast<char>(37 * length + 11);
+    }
 }
 
 TEST(LoadNetwork, RefusesFilesThatAreMissingUnknownOrCut)

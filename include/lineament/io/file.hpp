@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -63,10 +64,35 @@ public:
     void commit();
 
 private:
+    friend class FileBatch;
+    void close();
+    void start_flush(); ///< Closes the file, of which the device may take its time.
+    void flush_file();
+    void replace();
+    void flush_folder() const;
+
     std::filesystem::path path_;
     std::filesystem::path target_; ///< path_ with symbolic links followed.
     std::filesystem::path temporary_path_;
     int descriptor_ = -1;
+};
+
+/// Files that belong together and appear together. The device writes each while the next is made, so that commit()
+/// waits once for all of them, and not as often as write_file would.
+class FileBatch
+{
+public:
+    /// Writes a temporary file beside `path`. @throws IoError as write_file.
+    void write(const std::filesystem::path& path, std::span<const std::byte> bytes);
+    void write(const std::filesystem::path& path, std::string_view text);
+
+    /// Flushes what was written since the last call to the device, renames it in the order it was written, and flushes
+    /// the folders. What is not committed is removed at the end of this object's life.
+    /// @throws IoError (system) as write_file; no file is replaced unless all could be flushed.
+    void commit();
+
+private:
+    std::vector<std::unique_ptr<AtomicFile>> files_;
 };
 
 /// What a file that could not be read as expected seems to be.

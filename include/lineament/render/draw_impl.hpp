@@ -81,7 +81,7 @@ LINEAMENT_RENDER_INLINE void blend_pixel(ImageU8& image, int column, int row, co
     const float alpha = std::clamp(coverage, 0.0f, 1.0f) * static_cast<float>(color.alpha) / 255.0f;
     std::uint8_t* const pixel = image.pixel(column, row);
     const auto mix = [](std::uint8_t below, float above, float share) {
-        return static_cast<std::uint8_t>(std::lround((1.0f - share) * static_cast<float>(below) + share * above));
+        return static_cast<std::uint8_t>(rounded((1.0f - share) * static_cast<float>(below) + share * above));
     };
     if (image.channels < 3) {
         const float grey =
@@ -111,9 +111,15 @@ LINEAMENT_RENDER_INLINE void draw_line(ImageU8& image, const Eigen::Vector2d& fr
     const double reach = 0.5 * width_px + 0.5;
     const Eigen::Vector2d along = to - from;
     const double length2 = along.squaredNorm();
+    const double far2 =
+        reach * reach * length2 * 1.000001; // beyond it the distance from the line is the reach at least
     const Eigen::Vector2d low = from.cwiseMin(to).array() - reach;
     const Eigen::Vector2d high = from.cwiseMax(to).array() + reach;
     detail::draw_shape(image, low, high, color, [&](const Eigen::Vector2d& center) {
+        const double across = (center.x() - from.x()) * along.y() - (center.y() - from.y()) * along.x();
+        if (across * across > far2) {
+            return 0.0;
+        }
         const double position = length2 > 0 ? std::clamp((center - from).dot(along) / length2, 0.0, 1.0) : 0.0;
         const double coverage = reach - (center - from - position * along).norm();
         return std::min(coverage, width_px); // a line thinner than a pixel is fainter

@@ -160,11 +160,13 @@ inline Eigen::Vector4f sample_texture(const ImageU8& texture, float x, float y)
     const float right = u - static_cast<float>(column);
     const float below = v - static_cast<float>(row);
     const std::array<float, 256>& linear = linear_from_srgb_table();
+    const std::uint8_t* const corner = texture.pixel(column, row);
+    const std::ptrdiff_t to_right = column + 1 < texture.width ? texture.channels : 0;
+    const std::ptrdiff_t to_below = row + 1 < texture.height ? std::ptrdiff_t{texture.width} * texture.channels : 0;
     Eigen::Vector4f sum = Eigen::Vector4f::Zero();
     for (int j = 0; j < 2; ++j) {
         for (int i = 0; i < 2; ++i) {
-            const std::uint8_t* const texel =
-                texture.pixel(std::min(column + i, texture.width - 1), std::min(row + j, texture.height - 1));
+            const std::uint8_t* const texel = corner + (i == 0 ? 0 : to_right) + (j == 0 ? 0 : to_below);
             const float share = (i == 0 ? 1.0f - right : right) * (j == 0 ? 1.0f - below : below);
             const float alpha = texture.channels == 4 ? static_cast<float>(texel[3]) / 255.0f : 1.0f;
             sum += share * premultiplied({linear[texel[0]], linear[texel[1]], linear[texel[2]]}, alpha);
@@ -180,7 +182,7 @@ public:
     MeshPainter(const Mesh& mesh, const ImageU8* texture, const Camera& camera, int width, int height,
                 const ShadingOptions& options, const char* function)
         : mesh_(mesh), texture_(options.surface == SurfaceColor::clay ? nullptr : texture), options_(options),
-          camera_(camera), width_(width), height_(height)
+          camera_(camera), width_(width), height_(height), clay_(linear_rgb(options.clay))
     {
         options.check();
         require_scene(mesh.vertices, mesh.triangles, camera, width, height, function);
@@ -289,14 +291,14 @@ private:
             const float x = at.x() * static_cast<float>(texture_->width);
             const float y = at.y() * static_cast<float>(texture_->height);
             const Eigen::Vector4f seen = sample_texture(*texture_, x, y);
-            return seen.head<3>() + (1.0f - seen[3]) * linear_rgb(options_.clay);
+            return seen.head<3>() + (1.0f - seen[3]) * clay_;
         }
         if (has_colors_) {
             return weights[0] * linear_colors_.col(mesh_.triangles(0, triangle)) +
                    weights[1] * linear_colors_.col(mesh_.triangles(1, triangle)) +
                    weights[2] * linear_colors_.col(mesh_.triangles(2, triangle));
         }
-        return linear_rgb(options_.clay);
+        return clay_;
     }
 
     [[nodiscard]] Eigen::Vector3f lit(const Eigen::Vector3f& albedo, int triangle, const Eigen::Vector3f& weights,
@@ -347,6 +349,7 @@ private:
     int height_;
     bool has_colors_ = false;
     bool is_lit_ = true;
+    Eigen::Vector3f clay_; // linear
     Eigen::Matrix3Xf linear_colors_ = {};
     Eigen::Matrix3Xf normals_ = {}; // in camera space
     StudioLights lights_ = {};

@@ -36,9 +36,14 @@ LINEAMENT_RENDER_INLINE ImageF diffuse(const ImageF& values, const ImageF& weigh
         for (int row = 0; row < values.height; ++row) {
             for (int column = 0; column < values.width; ++column) {
                 const float weight = std::clamp(weights.at(column, row), 0.0f, 1.0f);
+                if (!(weight > 0)) {
+                    continue;
+                }
                 coarse_weights.at(column / 2, row / 2) += weight;
-                for (int channel = 0; channel < values.channels && weight > 0; ++channel) {
-                    coarse_values.at(column / 2, row / 2, channel) += weight * values.at(column, row, channel);
+                const float* const value = values.pixel(column, row);
+                float* const sum = coarse_values.pixel(column / 2, row / 2);
+                for (int channel = 0; channel < values.channels; ++channel) {
+                    sum[channel] += weight * value[channel];
                 }
             }
         }
@@ -56,12 +61,17 @@ LINEAMENT_RENDER_INLINE ImageF diffuse(const ImageF& values, const ImageF& weigh
     for (int row = 0; row < values.height; ++row) {
         for (int column = 0; column < values.width; ++column) {
             const float weight = std::clamp(weights.at(column, row), 0.0f, 1.0f);
-            for (int channel = 0; channel < values.channels && weight < 1; ++channel) {
-                const float own = weight > 0 ? weight * values.at(column, row, channel) : 0.0f;
-                const float spread = is_coarsest ? (weight > 0 ? values.at(column, row, channel) : 0.0f)
-                                                 : sample_bilinear(coarse, 0.5f * (static_cast<float>(column) + 0.5f),
-                                                                   0.5f * (static_cast<float>(row) + 0.5f), channel);
-                filled.at(column, row, channel) = own + (1.0f - weight) * spread;
+            if (weight >= 1) {
+                continue;
+            }
+            const BilinearSample around(is_coarsest ? values : coarse, 0.5f * (static_cast<float>(column) + 0.5f),
+                                        0.5f * (static_cast<float>(row) + 0.5f));
+            const float* const value = values.pixel(column, row);
+            float* const target = filled.pixel(column, row);
+            for (int channel = 0; channel < values.channels; ++channel) {
+                const float own = weight > 0 ? weight * value[channel] : 0.0f;
+                const float spread = is_coarsest ? (weight > 0 ? value[channel] : 0.0f) : around(channel);
+                target[channel] = own + (1.0f - weight) * spread;
             }
         }
     }
@@ -81,6 +91,27 @@ inline float median_positive(const ImageF& image)
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
+}
+
+/// What to add to a mirrored partner's colour: seen minus mirrored where both are seen, spread from there.
+inline ImageF mirror_shift(const ImageU8& color, const ImageF& seen)
+{
+    ImageF difference(color.width, color.height, 3);
+    ImageF comparable(color.width, color.height, 1);
+    for (int row = 0; row < color.height; ++row) {
+        for (int column = 0; column < color.width; ++column) {
+            const int partner = color.width - 1 - column;
+            if (!(seen.at(column, row) > 0 && seen.at(partner, row) > 0)) {
+                continue;
+            }
+            comparable.at(column, row) = 1.0f;
+            for (int channel = 0; channel < 3; ++channel) {
+                difference.at(column, row, channel) = static_cast<float>(color.at(column, row, channel)) -
+                                                      static_cast<float>(color.at(partner, row, channel));
+            }
+        }
+    }
+    return diffuse(difference, comparable);
 }
 
 } // namespace detail
@@ -103,30 +134,18 @@ LINEAMENT_RENDER_INLINE CompletedTexture complete_texture(const TextureMap& map,
         return weight > 0 && weight >= min_weight;
     };
 
-    ImageF colors(width, height, 3);     // what is known so far
-    ImageF known(width, height, 1);      // 1 where it is
-    ImageF difference(width, height, 3); // seen minus its mirrored partner, where both are seen
-    ImageF comparable(width, height, 1);
+    ImageF colors(width, height, 3); // what is known so far
+    ImageF known(width, height, 1);  // 1 where it is
     for (int row = 0; row < height; ++row) {
         for (int column = 0; column < width; ++column) {
-            if (!is_seen(column, row)) {
-                continue;
-            }
-            known.at(column, row) = 1.0f;
-            const bool has_partner = is_seen(width - 1 - column, row);
-            comparable.at(column, row) = has_partner ? 1.0f : 0.0f;
-            for (int channel = 0; channel < 3; ++channel) {
-                const auto value = static_cast<float>(map.color.at(column, row, channel));
-                colors.at(column, row, channel) = value;
-                if (has_partner) {
-                    difference.at(column, row, channel) =
-                        value - static_cast<float>(map.color.at(width - 1 - column, row, channel));
-                }
+            if (is_seen(column, row)) {
+                known.at(column, row) = 1.0f;
+                std::copy_n(map.color.pixel(column, row), 3, colors.pixel(column, row));
             }
         }
     }
     if (options.mirroring == Mirroring::flip_u) {
-        const ImageF shift = diffuse(difference, comparable);
+        const ImageF shift = detail::mirror_shift(map.color, known);
         for (int row = 0; row < height; ++row) {
             for (int column = 0; column < width; ++column) {
                 if (is_seen(column, row) || !is_seen(width - 1 - column, row)) {
@@ -152,7 +171,7 @@ LINEAMENT_RENDER_INLINE CompletedTexture complete_texture(const TextureMap& map,
             }
             for (int channel = 0; channel < 3 && !is_seen(column, row); ++channel) {
                 completed.color.at(column, row, channel) =
-                    static_cast<std::uint8_t>(std::lround(filled.at(column, row, channel)));
+                    static_cast<std::uint8_t>(rounded(filled.at(column, row, channel)));
             }
         }
     }

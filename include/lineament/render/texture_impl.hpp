@@ -14,8 +14,12 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <optional>
+#include <vector>
 
 namespace lineament {
 
@@ -83,14 +87,20 @@ inline Image<std::uint8_t> outline_mask(const ImageF& depth, double mm_per_px, d
         return mask;
     }
     const auto largest_step = static_cast<float>(std::max(6.0, 11.4 * mm_per_px));
-    const int reach = static_cast<int>(std::ceil(radius_px));
+    std::vector<int> half_widths; // of the disc, by the distance from its middle row
+    for (int j = 0; j <= radius_px; ++j) {
+        int half = 0;
+        while ((half + 1) * (half + 1) + j * j <= radius_px * radius_px) {
+            ++half;
+        }
+        half_widths.push_back(half);
+    }
+    const int reach = static_cast<int>(half_widths.size()) - 1;
     const auto mark_around = [&](int column, int row) {
         for (int j = std::max(0, row - reach); j <= std::min(depth.height - 1, row + reach); ++j) {
-            for (int i = std::max(0, column - reach); i <= std::min(depth.width - 1, column + reach); ++i) {
-                if ((i - column) * (i - column) + (j - row) * (j - row) <= radius_px * radius_px) {
-                    mask.at(i, j) = 1;
-                }
-            }
+            const int half = half_widths[std::abs(j - row)];
+            const int first = std::max(0, column - half);
+            std::fill_n(mask.pixel(first, j), std::min(depth.width - 1, column + half) - first + 1, std::uint8_t{1});
         }
     };
     const auto is_step = [&](float a, float b) { // inf - inf is not a number, and no step
@@ -223,9 +233,9 @@ LINEAMENT_RENDER_INLINE TextureMap extract_texture(const TextureLayout& layout, 
             outline.at(std::clamp(static_cast<int>(window_point_px.x()), 0, outline.width - 1),
                        std::clamp(static_cast<int>(window_point_px.y()), 0, outline.height - 1)) != 0;
         const Eigen::Vector2d point_px = reduction * picture_point_px;
+        const BilinearSample seen(*source, static_cast<float>(point_px.x()), static_cast<float>(point_px.y()));
         for (int channel = 0; channel < 3; ++channel) {
-            const float value = sample_bilinear(*source, static_cast<float>(point_px.x()),
-                                                static_cast<float>(point_px.y()), source->channels == 1 ? 0 : channel);
+            const float value = seen(source->channels == 1 ? 0 : channel);
             map.color.data[3 * static_cast<std::size_t>(texel.index) + channel] =
                 static_cast<std::uint8_t>(value + 0.5f); // value >= 0
         }

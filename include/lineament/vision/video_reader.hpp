@@ -42,7 +42,8 @@ struct VideoFrame
 class VideoReader
 {
 public:
-    /// @throws IoError if the file is missing, is no video, holds no video stream or no picture that can be decoded.
+    /// @throws IoError if the file is missing, is no video, holds no video stream or no picture that can be decoded, or
+    /// if FFmpeg's libraries cannot be loaded.
     explicit VideoReader(const std::string& path);
     ~VideoReader();
     VideoReader(VideoReader&&) noexcept;

@@ -24,7 +24,8 @@ struct VideoWriterOptions
 class VideoWriter
 {
 public:
-    /// @throws IoError if the file cannot be created; InvalidArgument if the options are out of range.
+    /// @throws IoError if the file cannot be created or FFmpeg's libraries cannot be loaded; InvalidArgument if the
+    /// options are out of range.
     explicit VideoWriter(const std::string& path, const VideoWriterOptions& options = {});
     /// Discards: removes the file unless `finish` was called.
     ~VideoWriter();

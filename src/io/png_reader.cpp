@@ -20,9 +20,8 @@ struct PngState
 {
     png_structp png = nullptr;
     png_infop info = nullptr;
-    const std::byte* next = nullptr; ///< Reading: the bytes not read yet.
+    const std::byte* next = nullptr; ///< The bytes not read yet.
     std::size_t num_left = 0;
-    std::vector<std::byte>* output = nullptr; ///< Writing.
     char error[128] = "out of memory";
     png_uint_32 width = 0;
     png_uint_32 height = 0;
@@ -50,23 +49,6 @@ void read_bytes(png_structp png, png_bytep target, std::size_t count)
     state->next += count;
     state->num_left -= count;
 }
-
-void write_bytes(png_structp png, png_bytep source, std::size_t count)
-{
-    auto* const state = static_cast<PngState*>(png_get_io_ptr(png));
-    bool is_written = true;
-    try {
-        const auto* const bytes = reinterpret_cast<const std::byte*>(source);
-        state->output->insert(state->output->end(), bytes, bytes + count);
-    } catch (...) {
-        is_written = false;
-    }
-    if (!is_written) {
-        png_error(png, "out of memory");
-    }
-}
-
-void flush_nothing(png_structp) {}
 
 bool read_header(PngState* state)
 {
@@ -114,30 +96,6 @@ bool read_rows(PngState* state, std::uint8_t* pixels, std::size_t num_channels)
     return true;
 }
 
-bool write_rows(PngState* state, const std::uint8_t* pixels, std::size_t num_channels)
-{
-    state->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, state, on_error, on_warning);
-    if (state->png == nullptr || (state->info = png_create_info_struct(state->png)) == nullptr) {
-        return false;
-    }
-    if (setjmp(png_jmpbuf(state->png)) != 0) {
-        return false;
-    }
-    png_set_write_fn(state->png, state, write_bytes, flush_nothing);
-    png_set_user_limits(state->png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
-    // Nearly as small as the best settings on rendered pictures, many times faster.
-    png_set_filter(state->png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
-    png_set_compression_level(state->png, 2);
-    png_set_IHDR(state->png, state->info, state->width, state->height, 8, state->color_type, PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-    png_write_info(state->png, state->info);
-    for (png_uint_32 row = 0; row < state->height; ++row) {
-        png_write_row(state->png, pixels + row * state->width * num_channels);
-    }
-    png_write_end(state->png, nullptr);
-    return true;
-}
-
 /// Ends libpng's structures at the end of the scope.
 struct PngReader : PngState
 {
@@ -145,14 +103,6 @@ struct PngReader : PngState
     ~PngReader() { png_destroy_read_struct(&png, &info, nullptr); }
     PngReader(const PngReader&) = delete;
     PngReader& operator=(const PngReader&) = delete;
-};
-
-struct PngWriter : PngState
-{
-    PngWriter() = default;
-    ~PngWriter() { png_destroy_write_struct(&png, &info); }
-    PngWriter(const PngWriter&) = delete;
-    PngWriter& operator=(const PngWriter&) = delete;
 };
 
 /// RGBA over white, as RGB.
@@ -191,26 +141,3 @@ ImageU8 decode_png(std::span<const std::byte> bytes, const std::string& name, co
 }
 
 } // namespace lineament::image_codecs
-
-namespace lineament {
-
-std::vector<std::byte> format_png(const ImageU8& image)
-{
-    image_codecs::check_image(image, "format_png");
-    require(image.channels == 1 || image.channels == 3 || image.channels == 4, "format_png", "channels", "1, 3 or 4",
-            std::to_string(image.channels));
-    std::vector<std::byte> bytes;
-    image_codecs::PngWriter writer;
-    writer.output = &bytes;
-    writer.width = static_cast<png_uint_32>(image.width);
-    writer.height = static_cast<png_uint_32>(image.height);
-    writer.color_type = image.channels == 1   ? PNG_COLOR_TYPE_GRAY
-                        : image.channels == 3 ? PNG_COLOR_TYPE_RGB
-                                              : PNG_COLOR_TYPE_RGB_ALPHA;
-    if (!image_codecs::write_rows(&writer, image.data.data(), static_cast<std::size_t>(image.channels))) {
-        throw Error(std::string("format_png: ") + writer.error);
-    }
-    return bytes;
-}
-
-} // namespace lineament
