@@ -56,13 +56,14 @@ struct Protocol
     double min_yaw_deg = -45;
     double max_yaw_deg = 45;
     double expression_sigma = 0.3; ///< Each psi is |N(0, sigma)|, at most 1.
+    std::string expression_set = "ekman6";
     Outline outline = Outline::model_points;
 };
 
 struct Subject
 {
     Eigen::VectorXd alpha;
-    std::vector<Eigen::VectorXd> psi; ///< Of each image, set "ekman6".
+    std::vector<Eigen::VectorXd> psi; ///< Of each image.
     std::vector<Camera> cameras;
     std::vector<LandmarkSet> images;
 };
@@ -114,9 +115,10 @@ public:
         return shape_error_mm(model_.shape.instance(alpha), model_.shape.instance(truth), alignment_scale);
     }
 
-    [[nodiscard]] Eigen::VectorXf shape_of(const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi) const
+    [[nodiscard]] Eigen::VectorXf shape_of(const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+                                           const std::string& expression_set = "ekman6") const
     {
-        return model_.shape.instance(alpha) + model_.find_expression_set("ekman6")->displacement(psi);
+        return model_.shape.instance(alpha) + model_.find_expression_set(expression_set)->displacement(psi);
     }
 
     [[nodiscard]] Subject draw_subject(const Protocol& protocol, std::uint64_t seed) const
@@ -128,7 +130,9 @@ public:
         const Eigen::VectorXd bias = protocol.bias_mm * test::random_normal(random, 3 * map().num_landmarks());
         Random wild(seed ^ 0x5bd1e995u); // so that the clean landmarks are the same with and without wild ones
         for (int f = 0; f < protocol.num_images; ++f) {
-            Eigen::VectorXd psi = protocol.expression_sigma * test::random_normal(random, 6);
+            Eigen::VectorXd psi =
+                protocol.expression_sigma *
+                test::random_normal(random, model_.find_expression_set(protocol.expression_set)->num_coefficients());
             psi = psi.cwiseAbs().cwiseMin(1.0);
             Camera camera;
             const double yaw = random.uniform(protocol.min_yaw_deg, protocol.max_yaw_deg);
@@ -141,7 +145,7 @@ public:
                 camera.scale_px_per_mm = protocol.focal_length_px / protocol.distance_mm;
             }
             camera.translation_mm = {random.uniform(-20, 20), random.uniform(-20, 20)};
-            const Eigen::VectorXf shape = shape_of(subject.alpha, psi);
+            const Eigen::VectorXf shape = shape_of(subject.alpha, psi, protocol.expression_set);
             Eigen::Matrix3Xd points = landmark_points(shape);
             points += Eigen::Map<const Eigen::Matrix3Xd>(bias.data(), 3, map().num_landmarks());
             Eigen::Matrix2Xd seen = camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(points));

@@ -256,25 +256,31 @@ void selfie(int num_subjects)
 
 void intervals(int num_subjects)
 {
-    std::printf("\n90 %% intervals, noise known\n\n"
-                "| images | noise | loss | coefficients inside | vertex coordinates inside | chi-square / d.o.f. |\n"
-                "| --- | --- | --- | --- | --- | --- |\n");
-    for (const int num_images : {1, 10}) {
-        for (const double noise_px : {1.0, 2.8}) {
-            for (const RobustLoss loss : {RobustLoss::student_t, RobustLoss::none}) {
-                Protocol protocol;
-                protocol.num_images = num_images;
-                protocol.noise_px = noise_px;
-                JointOptions options = known_noise(noise_px);
-                options.loss = loss;
-                Coverage coverage;
-                (void)run_joint(draw_subjects(protocol, num_images > 1 ? num_subjects / 4 : num_subjects), options,
-                                &coverage);
-                std::printf("| %d | %.1f px | %s | %.3f ± %.3f | %.3f ± %.3f | %.2f ± %.2f |\n", num_images, noise_px,
-                            loss == RobustLoss::none ? "least squares" : "Student t", coverage.coefficients.mean(),
-                            coverage.coefficients.error(), coverage.coordinates.mean(), coverage.coordinates.error(),
-                            coverage.chi_square.mean(), coverage.chi_square.error());
-                std::fflush(stdout);
+    std::printf(
+        "\n90 %% intervals, noise known\n\n"
+        "| expressions | images | noise | loss | coefficients inside | vertex coordinates inside | chi-square / "
+        "d.o.f. |\n| --- | --- | --- | --- | --- | --- | --- |\n");
+    for (const char* set : {"ekman6", "arkit47"}) {
+        for (const int num_images : {1, 10}) {
+            for (const double noise_px : {1.0, 2.8}) {
+                for (const RobustLoss loss : {RobustLoss::student_t, RobustLoss::none}) {
+                    Protocol protocol;
+                    protocol.num_images = num_images;
+                    protocol.noise_px = noise_px;
+                    protocol.expression_set = set;
+                    JointOptions options = known_noise(noise_px);
+                    options.loss = loss;
+                    options.expression_set = set;
+                    Coverage coverage;
+                    (void)run_joint(draw_subjects(protocol, num_images > 1 ? num_subjects / 4 : num_subjects), options,
+                                    &coverage);
+                    std::printf("| %s | %d | %.1f px | %s | %.3f ± %.3f | %.3f ± %.3f | %.2f ± %.2f |\n", set,
+                                num_images, noise_px, loss == RobustLoss::none ? "least squares" : "Student t",
+                                coverage.coefficients.mean(), coverage.coefficients.error(),
+                                coverage.coordinates.mean(), coverage.coordinates.error(), coverage.chi_square.mean(),
+                                coverage.chi_square.error());
+                    std::fflush(stdout);
+                }
             }
         }
     }

@@ -5,7 +5,7 @@
 // of the faces fitted to what they find?
 //
 //   bench/ict_heads.py FOLDER heads.safetensors       (ICT-FaceKit: modes of 100 scanned identities)
-//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--distance-mm 0] [--pictures FOLDER]
+//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--distance-mm 0] [--pictures FOLDER]
 //
 // The heads and first views are those of cross_model (scaled orthographic; --distance-mm: perspective); further views
 // of a head are drawn alike. The program paints and renders them, 640 x 480, and fits with default options: the true 68
@@ -24,6 +24,7 @@
 #include "photo_sets.hpp"
 
 #include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/model_file.hpp"
@@ -213,6 +214,10 @@ public:
         : foreign_(load_foreign_model(path)), model_(load_model(default_model_path())), sparse_(model_, "ibug68"),
           dense_(model_, "mediapipe478"), num_views_(options.count("--views", 5, 1))
     {
+        if (options.text("--method", "thesis") == "joint") {
+            joint_sparse_.emplace(model_, "ibug68");
+            joint_dense_.emplace(model_, "mediapipe478");
+        }
         const int distance_mm = options.count("--distance-mm", 0, 0);
         const double phi_per_mm = distance_mm > 0 ? 1.0 / distance_mm : 0.0;
         Observer observer(path, options.text("--pictures", ""));
@@ -252,7 +257,9 @@ public:
             print_more_views(halves[1], halves_of_all_views[1]);
             print_stretched(halves_of_all_views, views);
         }
-        print_regularizations(halves[0]);
+        if (!joint_sparse_) {
+            print_regularizations(halves[0]);
+        }
     }
 
 private:
@@ -274,7 +281,12 @@ private:
                 }
             }
             Fit fit;
-            if (num_views == 1) {
+            if (joint_sparse_) {
+                const JointFramesResult result =
+                    (s == mesh_478 ? joint_dense_ : joint_sparse_)->fit_frames(frames, principal_point_px);
+                fit.shape_coefficients = result.shape_coefficients;
+                fit.camera_from_model = result.frames[0].fit.camera.camera_from_model;
+            } else if (num_views == 1) {
                 const FitResult result = fitter(s).fit(frames[0], principal_point_px);
                 fit.shape_coefficients = result.shape_coefficients;
                 fit.camera_from_model = result.camera.camera_from_model;
@@ -550,6 +562,8 @@ private:
     MorphableModel model_;
     FaceFitter sparse_;
     FaceFitter dense_;
+    std::optional<JointFitter> joint_sparse_ = std::nullopt; ///< With --method joint, instead.
+    std::optional<JointFitter> joint_dense_ = std::nullopt;
     int num_views_;
     std::vector<Subject> subjects_ = {};
 };
@@ -558,9 +572,10 @@ private:
 
 int main(int argc, char** argv)
 {
-    const lineament::bench::Options options(
-        argc, argv, "rendered_heads heads.safetensors [--heads 400] [--views 5] [--distance-mm 0] [--pictures FOLDER]",
-        1);
+    const lineament::bench::Options options(argc, argv,
+                                            "rendered_heads heads.safetensors [--heads 400] [--views 5] [--method "
+                                            "thesis] [--distance-mm 0] [--pictures FOLDER]",
+                                            1);
     try {
         Bench(argv[1], options).run();
     } catch (const std::exception& error) {
