@@ -41,7 +41,7 @@ struct FitOptions
     int iterations = 5;              ///< Rounds of contour, pose, identity, expression; >= 1.
     double regularization = 1.0;     ///< Weight of |a|^2, >= 0; 1: maximum a posteriori.
     double landmark_sigma_mm = 2.5;  ///< Of inner landmarks, > 0; where the landmark map states no noise.
-    double contour_sigma_mm = 10.0;  ///< Of outline landmarks, > 0; where it states none, or they are re-matched.
+    double contour_sigma_mm = 4.0;   ///< Of outline landmarks, > 0; where it states none, or they are re-matched.
     std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use; empty: the only one there is, if any.
     NoiseUnits noise_units = NoiseUnits::model;
     double pixel_variance = 3.0;   ///< [px^2], > 0; with NoiseUnits::pixels only.

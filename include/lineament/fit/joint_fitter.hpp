@@ -20,7 +20,7 @@ namespace lineament {
 struct JointOptions
 {
     double landmark_sigma_mm = 2.0;       ///< Noise of inner landmarks, per coordinate, bias apart, > 0.
-    double contour_sigma_mm = 8.0;        ///< Of outline landmarks, > 0; across the outline where it is re-matched.
+    double contour_sigma_mm = 4.0;        ///< Of outline landmarks, > 0; across the outline where it is re-matched.
     double contour_along_sigma_mm = 12.0; ///< Added along a re-matched outline, >= 0: where on it a landmark lies says
                                           ///< little.
     std::map<std::string, Eigen::Matrix2d> covariances_mm = {}; ///< Of single landmarks, in their stead [mm^2].
