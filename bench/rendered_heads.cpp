@@ -5,7 +5,7 @@
 // of the faces fitted to what they find?
 //
 //   bench/ict_heads.py FOLDER heads.safetensors       (ICT-FaceKit: modes of 100 scanned identities)
-//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--distance-mm 0] [--pictures FOLDER]
+//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--outline-mm 4] [--distance-mm 0] [--pictures FOLDER]
 //
 // The heads and first views are those of cross_model (scaled orthographic; --distance-mm: perspective); further views
 // of a head are drawn alike. The program paints and renders them, 640 x 480, and fits with default options: the true 68
@@ -211,7 +211,8 @@ class Bench
 {
 public:
     Bench(const std::string& path, const Options& options)
-        : foreign_(load_foreign_model(path)), model_(load_model(default_model_path())), sparse_(model_, "ibug68"),
+        : foreign_(load_foreign_model(path)), model_(load_model(default_model_path())),
+          sparse_(model_, "ibug68", with_outline(options.number("--outline-mm", FitOptions().contour_sigma_mm))),
           dense_(model_, "mediapipe478"), num_views_(options.count("--views", 5, 1))
     {
         if (options.text("--method", "thesis") == "joint") {
@@ -263,6 +264,13 @@ public:
     }
 
 private:
+    static FitOptions with_outline(double sigma_mm)
+    {
+        FitOptions options;
+        options.contour_sigma_mm = sigma_mm;
+        return options;
+    }
+
     [[nodiscard]] Distance distance_to(const Subject& subject, const Eigen::VectorXf& shape) const
     {
         return distance(subject.head, foreign_, model_, shape);
@@ -574,7 +582,7 @@ int main(int argc, char** argv)
 {
     const lineament::bench::Options options(argc, argv,
                                             "rendered_heads heads.safetensors [--heads 400] [--views 5] [--method "
-                                            "thesis] [--distance-mm 0] [--pictures FOLDER]",
+                                            "thesis] [--outline-mm 4] [--distance-mm 0] [--pictures FOLDER]",
                                             1);
     try {
         Bench(argv[1], options).run();

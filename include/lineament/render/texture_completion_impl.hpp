@@ -93,27 +93,6 @@ inline float median_positive(const ImageF& image)
     return *middle;
 }
 
-/// What to add to a mirrored partner's colour: seen minus mirrored where both are seen, spread from there.
-inline ImageF mirror_shift(const ImageU8& color, const ImageF& seen)
-{
-    ImageF difference(color.width, color.height, 3);
-    ImageF comparable(color.width, color.height, 1);
-    for (int row = 0; row < color.height; ++row) {
-        for (int column = 0; column < color.width; ++column) {
-            const int partner = color.width - 1 - column;
-            if (!(seen.at(column, row) > 0 && seen.at(partner, row) > 0)) {
-                continue;
-            }
-            comparable.at(column, row) = 1.0f;
-            for (int channel = 0; channel < 3; ++channel) {
-                difference.at(column, row, channel) = static_cast<float>(color.at(column, row, channel)) -
-                                                      static_cast<float>(color.at(partner, row, channel));
-            }
-        }
-    }
-    return diffuse(difference, comparable);
-}
-
 } // namespace detail
 
 LINEAMENT_RENDER_INLINE CompletedTexture complete_texture(const TextureMap& map, const CompletionOptions& options)
@@ -134,18 +113,30 @@ LINEAMENT_RENDER_INLINE CompletedTexture complete_texture(const TextureMap& map,
         return weight > 0 && weight >= min_weight;
     };
 
-    ImageF colors(width, height, 3); // what is known so far
-    ImageF known(width, height, 1);  // 1 where it is
+    ImageF colors(width, height, 3);     // what is known so far
+    ImageF known(width, height, 1);      // 1 where it is
+    ImageF difference(width, height, 3); // seen minus its mirrored partner, where both are seen
+    ImageF comparable(width, height, 1);
     for (int row = 0; row < height; ++row) {
         for (int column = 0; column < width; ++column) {
-            if (is_seen(column, row)) {
-                known.at(column, row) = 1.0f;
-                std::copy_n(map.color.pixel(column, row), 3, colors.pixel(column, row));
+            if (!is_seen(column, row)) {
+                continue;
+            }
+            known.at(column, row) = 1.0f;
+            const bool has_partner = is_seen(width - 1 - column, row);
+            comparable.at(column, row) = has_partner ? 1.0f : 0.0f;
+            for (int channel = 0; channel < 3; ++channel) {
+                const auto value = static_cast<float>(map.color.at(column, row, channel));
+                colors.at(column, row, channel) = value;
+                if (has_partner) {
+                    difference.at(column, row, channel) =
+                        value - static_cast<float>(map.color.at(width - 1 - column, row, channel));
+                }
             }
         }
     }
     if (options.mirroring == Mirroring::flip_u) {
-        const ImageF shift = detail::mirror_shift(map.color, known);
+        const ImageF shift = diffuse(difference, comparable);
         for (int row = 0; row < height; ++row) {
             for (int column = 0; column < width; ++column) {
                 if (is_seen(column, row) || !is_seen(width - 1 - column, row)) {
