@@ -5,7 +5,8 @@
 // of the faces fitted to what they find?
 //
 //   bench/ict_heads.py FOLDER heads.safetensors       (ICT-FaceKit: modes of 100 scanned identities)
-//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--outline-mm 4] [--distance-mm 0] [--pictures FOLDER]
+//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--outline-mm 4] [--distance-mm 0]
+//   [--pictures FOLDER]
 //
 // The heads and first views are those of cross_model (scaled orthographic; --distance-mm: perspective); further views
 // of a head are drawn alike. The program paints and renders them, 640 x 480, and fits with default options: the true 68
@@ -212,8 +213,8 @@ class Bench
 public:
     Bench(const std::string& path, const Options& options)
         : foreign_(load_foreign_model(path)), model_(load_model(default_model_path())),
-          sparse_(model_, "ibug68", with_outline(options.number("--outline-mm", FitOptions().contour_sigma_mm))),
-          dense_(model_, "mediapipe478"), num_views_(options.count("--views", 5, 1))
+          sparse_(model_, "ibug68", with_outline(options.count("--outline-mm", 4, 1))), dense_(model_, "mediapipe478"),
+          num_views_(options.count("--views", 5, 1))
     {
         if (options.text("--method", "thesis") == "joint") {
             joint_sparse_.emplace(model_, "ibug68");
