@@ -2,18 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
+#include "calibration_kernel.hpp"
 
 #include <benchmark/benchmark.h>
 
 namespace lineament::bench {
 
-/// Multiply-adds over 4 MB: what the times of other benchmarks are divided by, to be compared between machines.
+/// The calibration kernel beside other benchmarks.
 inline void calibration(benchmark::State& state)
 {
-    const Eigen::VectorXf values = Eigen::VectorXf::LinSpaced(1 << 20, 0.0f, 1.0f);
+    CalibrationKernel kernel;
     for (auto _ : state) {
-        benchmark::DoNotOptimize(values.squaredNorm());
+        benchmark::DoNotOptimize(kernel.run());
     }
 }
 

@@ -7,6 +7,7 @@
 // median absolute deviation of the thread's processor time over repetitions in random order.
 //
 //   fit_time_study [--model FILE] [--repetitions N]
+#include "calibration_kernel.hpp"
 #include "measures.hpp"
 #include "options.hpp"
 #include "planted.hpp"
@@ -52,11 +53,10 @@ std::vector<Case> make_cases(const MorphableModel& model, const std::vector<Land
 {
     const int count = static_cast<int>(sets.size());
     std::vector<Case> cases;
-    const auto values = std::make_shared<Eigen::VectorXf>(Eigen::VectorXf::LinSpaced(1 << 20, 0.0f, 1.0f));
-    cases.push_back({"calibration", 0, 50, [values] {
+    const auto calibration = std::make_shared<bench::CalibrationKernel>();
+    cases.push_back({"calibration", 0, 50, [calibration] {
                          for (int i = 0; i < 50; ++i) {
-                             (*values)[i] += sink * 1e-30f;
-                             sink += values->squaredNorm();
+                             sink += calibration->run();
                          }
                      }});
     for (int level = 0; level < static_cast<int>(model.levels.size()); ++level) {

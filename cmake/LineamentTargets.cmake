@@ -99,13 +99,16 @@ endfunction()
 
 # A GoogleTest program tests/<module>/<module>_tests with the given sources and libraries:
 #   lineament_test(fit SOURCES a_test.cpp b_test.cpp LIBRARIES lineament::core)
-# With LITTLE_ARITHMETIC: see lineament_precompiled_as_tests.
+# With LITTLE_ARITHMETIC: see lineament_precompiled_as_tests. With OPTIMISED the tests are compiled as the libraries are,
+# for those that measure time.
 function(lineament_test module)
-    cmake_parse_arguments(test "LITTLE_ARITHMETIC" "" "SOURCES;LIBRARIES" ${ARGN})
+    cmake_parse_arguments(test "LITTLE_ARITHMETIC;OPTIMISED" "" "SOURCES;LIBRARIES" ${ARGN})
     add_executable(${module}_tests ${test_SOURCES})
     target_link_libraries(${module}_tests PRIVATE ${test_LIBRARIES} lineament_test_support GTest::gmock GTest::gtest_main)
     lineament_private_flags(${module}_tests)
-    lineament_compile_quickly(${module}_tests) # the libraries they test are optimised as ever
+    if(NOT test_OPTIMISED)
+        lineament_compile_quickly(${module}_tests) # the libraries they test are optimised as ever
+    endif()
     if(test_LITTLE_ARITHMETIC)
         lineament_precompiled_as_tests(${module}_tests LITTLE_ARITHMETIC)
     else()

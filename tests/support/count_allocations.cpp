@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 #include "support/count_allocations.hpp"
+#include "support/sanitized.hpp"
 
 #include <atomic>
 #include <cerrno>
@@ -15,14 +16,6 @@ long num_allocations()
     return count;
 }
 } // namespace lineament::test
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define LINEAMENT_IS_SANITIZED
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define LINEAMENT_IS_SANITIZED
-#endif
-#endif
 
 extern "C" {
 #ifdef LINEAMENT_IS_SANITIZED // its own allocator calls these
