@@ -2,16 +2,22 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // RealtimeFitter: whole fits, tracking steps, meshes and single kernels for each instruction set of this machine,
-// beside the reference path and a calibration kernel (multiply-adds over 4 MB). Checks first that both paths agree. Run
-// with
-// --benchmark_min_time=0.2 --benchmark_repetitions=15 --benchmark_enable_random_interleaving=true and read median and
-// spread of the processor time.
+// beside a calibration kernel (multiply-adds over 4 MB). With "agreement" it checks instead that both paths agree. Of a
+// part SET/NAME there may be
+//   reference/NAME  the same by the double precision path,
+//   SET/limit/NAME  the time that the machine needs at least, measured: as many bytes read once and in order, with one
+//                   multiply-add for each number, or as many multiply-adds in registers; its label says which.
+// Run with --benchmark_repetitions=15 --benchmark_enable_random_interleaving=true --benchmark_out=FILE;
+// realtime_table.py makes a table of the file.
 #include "calibration.hpp"
+#include "multiply_adds.hpp"
 
 #include "lineament/fit/realtime_fitter.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 #include "support/synthetic_face.hpp"
+
+#include <Eigen/Cholesky>
 
 #include <benchmark/benchmark.h>
 
@@ -20,8 +26,10 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <numeric>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -82,23 +90,36 @@ const RealtimeFitter& fitter_of(const Kernels& kernels, const FitOptions& option
     return *fitter;
 }
 
-void reference_fit(benchmark::State& state, FitOptions options, int yaw_deg)
-{
-    const RealtimeFitter& fitter = fitter_of(kernels::scalar_kernels(), options, MeshStorage::float32);
-    const std::vector<LandmarkSet>& sets = faces(yaw_deg);
-    std::size_t next = 0;
-    for (auto _ : state) {
-        const FitResult fit = fitter.reference().fit(sets[next++ % sets.size()], centre);
-        benchmark::DoNotOptimize(shape_of(fitter.reference().model(), fit).data());
-    }
-}
-
 enum class Mesh
 {
     none,
     float32,
     int16,
 };
+
+const char* suffix_of(Mesh mesh)
+{
+    return mesh == Mesh::none ? "" : mesh == Mesh::float32 ? "_mesh" : "_mesh_int16";
+}
+
+const FaceFitter& reference_of(const FitOptions& options)
+{
+    return fitter_of(kernels::scalar_kernels(), options, MeshStorage::float32).reference();
+}
+
+void reference_fit(benchmark::State& state, const FitOptions& options, int yaw_deg, Mesh mesh)
+{
+    const FaceFitter& fitter = reference_of(options);
+    const std::vector<LandmarkSet>& sets = faces(yaw_deg);
+    std::size_t next = 0;
+    for (auto _ : state) {
+        const FitResult fit = fitter.fit(sets[next++ % sets.size()], centre);
+        benchmark::DoNotOptimize(fit.rms_px);
+        if (mesh != Mesh::none) {
+            benchmark::DoNotOptimize(shape_of(fitter.model(), fit).data());
+        }
+    }
+}
 
 void whole_fit(benchmark::State& state, const Kernels& kernels, FitOptions options, int yaw_deg, Mesh mesh)
 {
@@ -152,6 +173,18 @@ void warm_step(benchmark::State& state, const Kernels& kernels, std::string expr
     state.SetLabel(to_string(result.status));
 }
 
+void reference_warm_step(benchmark::State& state, std::string expression_set)
+{
+    const FaceFitter& fitter = reference_of(options_of(ContourMode::front_facing, expression_set, 1));
+    const std::vector<LandmarkSet> frames = video();
+    FitResult result = fitter.fit(frames[0], centre);
+    std::size_t next = 0;
+    for (auto _ : state) {
+        result = fitter.fit(frames[next++ % frames.size()], centre, &result);
+    }
+    state.SetLabel(to_string(result.status));
+}
+
 void frozen_step(benchmark::State& state, const Kernels& kernels, std::string expression_set, Mesh mesh)
 {
     const FitOptions options = options_of(ContourMode::front_facing, expression_set, 1);
@@ -171,6 +204,30 @@ void frozen_step(benchmark::State& state, const Kernels& kernels, std::string ex
     }
 }
 
+/// The reference keeps nothing of a known identity: its mesh is made anew.
+void reference_frozen_step(benchmark::State& state, std::string expression_set, Mesh mesh)
+{
+    const FaceFitter& fitter = reference_of(options_of(ContourMode::front_facing, expression_set, 1));
+    const std::vector<LandmarkSet> frames = video();
+    FitResult result = fitter.fit(frames[0], centre);
+    const Eigen::VectorXd identity = result.shape_coefficients;
+    std::size_t next = 0;
+    for (auto _ : state) {
+        result = fitter.fit_pose_and_expression(frames[next++ % frames.size()], centre, identity, &result);
+        if (mesh != Mesh::none) {
+            benchmark::DoNotOptimize(shape_of(fitter.model(), result).data());
+        }
+    }
+}
+
+/// Numbers of the columns of a mesh, with or without those of the identity.
+std::int64_t mesh_numbers(const std::string& expression_set, bool with_identity)
+{
+    const Eigen::Index columns = face_model().find_expression_set(expression_set)->num_coefficients() +
+                                 (with_identity ? face_model().shape.num_coefficients() : 0);
+    return 3 * static_cast<std::int64_t>(face_model().num_vertices()) * columns;
+}
+
 void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string expression_set, MeshStorage storage)
 {
     const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set), storage);
@@ -180,11 +237,34 @@ void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string exp
     for (auto _ : state) {
         benchmark::DoNotOptimize(fitter.shape_of(result, workspace).data());
     }
-    const double columns =
-        static_cast<double>(result.shape_coefficients.size() + result.expression_coefficients.size());
-    state.counters["bytes"] = benchmark::Counter(
-        static_cast<double>(3 * face_model().num_vertices()) * columns * (storage == MeshStorage::int16 ? 2 : 4),
-        benchmark::Counter::kIsIterationInvariantRate, benchmark::Counter::kIs1000);
+}
+
+/// The mesh of a known identity: neutral face and expression.
+void frozen_mesh_alone(benchmark::State& state, const Kernels& kernels, std::string expression_set)
+{
+    const RealtimeFitter& fitter =
+        fitter_of(kernels, options_of(ContourMode::fixed, expression_set), MeshStorage::float32);
+    RealtimeWorkspace workspace = fitter.make_workspace();
+    FitResult result;
+    fitter.fit(faces(-1)[0], centre, workspace, result);
+    const FrozenIdentity frozen = fitter.freeze(result.shape_coefficients);
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(fitter.shape_of(frozen, result, workspace).data());
+    }
+}
+
+void reference_meshes(benchmark::State& state, std::string expression_set, int num_faces)
+{
+    const FaceFitter& fitter = reference_of(options_of(ContourMode::fixed, expression_set));
+    std::vector<FitResult> fits;
+    for (int f = 0; f < num_faces; ++f) {
+        fits.push_back(fitter.fit(faces(-1)[static_cast<std::size_t>(f)], centre));
+    }
+    for (auto _ : state) {
+        for (const FitResult& fit : fits) {
+            benchmark::DoNotOptimize(shape_of(fitter.model(), fit).data());
+        }
+    }
 }
 
 /// One identity from images of one person with a camera and expression each; time per image and round.
@@ -209,22 +289,24 @@ void sweep(benchmark::State& state, const Kernels& kernels, std::string expressi
     state.counters["reference_fits"] = static_cast<double>(workspace.num_reference_fits());
 }
 
-void reference_sweep(benchmark::State& state, const FitOptions& options, int num_images)
+void reference_sweep(benchmark::State& state, std::string expression_set, int num_images)
 {
-    const RealtimeFitter& fitter = fitter_of(kernels::scalar_kernels(), options, MeshStorage::float32);
+    const FaceFitter& fitter = reference_of(options_of(ContourMode::front_facing, expression_set));
     const std::vector<LandmarkSet> frames = video();
     for (auto _ : state) {
         benchmark::DoNotOptimize(
-            fit_frames(fitter.reference(), std::span(frames).first(num_images), centre).shape_coefficients.data());
+            fit_frames(fitter, std::span(frames).first(num_images), centre).shape_coefficients.data());
     }
 }
 
-/// Meshes of many fits at once, time per face.
+constexpr int batch_size = 64;
+
+/// Meshes of many fits at once.
 void mesh_batch(benchmark::State& state, const Kernels& kernels, std::string expression_set, MeshStorage storage)
 {
     const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set), storage);
     RealtimeWorkspace workspace = fitter.make_workspace();
-    std::vector<FitResult> fits(64);
+    std::vector<FitResult> fits(batch_size);
     for (std::size_t f = 0; f < fits.size(); ++f) {
         fitter.fit(faces(-1)[f], centre, workspace, fits[f]);
     }
@@ -255,56 +337,122 @@ void batch(benchmark::State& state, const Kernels& kernels, const FitOptions& op
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(sets.size()));
 }
 
-/// The limit of the mesh: as many bytes read once, in order, with one multiply-add for each number.
-void read_alone(benchmark::State& state, const Kernels& kernels)
+/// The limit of what reads its numbers once: they are read in order, with one multiply-add for each.
+void read_limit(benchmark::State& state, const Kernels& kernels, std::int64_t num_bytes)
 {
-    const int num_rows = static_cast<int>(3 * face_model().num_vertices()) * 66 / 64;
-    const AlignedBuffer<float> rows(static_cast<std::size_t>(num_rows) * 64);
-    const AlignedBuffer<float> factors(static_cast<std::size_t>(num_rows));
+    const int num_rows = static_cast<int>(num_bytes / (4 * 64));
+    AlignedBuffer<float> rows(static_cast<std::size_t>(num_rows) * 64);
+    AlignedBuffer<float> factors(static_cast<std::size_t>(num_rows));
+    std::fill_n(rows.data(), rows.size(), 1e-3f);
+    std::fill_n(factors.data(), factors.size(), 1e-3f);
     AlignedBuffer<float> sums(64);
     for (auto _ : state) {
         kernels.add_rows(rows.data(), num_rows, 64, factors.data(), sums.data());
         benchmark::DoNotOptimize(sums.data());
     }
+    state.SetLabel("reading");
     state.counters["bytes"] = benchmark::Counter(4.0 * 64 * num_rows, benchmark::Counter::kIsIterationInvariantRate,
                                                  benchmark::Counter::kIs1000);
 }
 
+/// The limit of what reads little: its arithmetic, in registers.
+void arithmetic_limit(benchmark::State& state, bench::MultiplyAdds multiply_adds, std::int64_t num_operations)
+{
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(multiply_adds(num_operations));
+    }
+    state.SetLabel("arithmetic");
+    state.counters["flop"] =
+        benchmark::Counter(static_cast<double>(num_operations), benchmark::Counter::kIsIterationInvariantRate,
+                           benchmark::Counter::kIs1000);
+}
+
+// Single kernels as a fit calls them, and the same by Eigen in double precision.
+constexpr int width = 64;
+constexpr int num_unknowns = 60;
+constexpr int num_contour_rows = 32;
+constexpr int num_points = 68;
+
+constexpr std::int64_t gram_operations = num_contour_rows * width * (width + 1); // the upper triangle
+constexpr std::int64_t gram_bytes = 6 * 4 * width * (width + 1) / 2;
+constexpr std::int64_t solve_operations =
+    num_unknowns * num_unknowns * num_unknowns / 3 + 2 * num_unknowns * num_unknowns;
+constexpr std::int64_t row_bytes = 4 * 3 * num_points * width;
+
 void add_gram(benchmark::State& state, const Kernels& kernels)
 {
-    const int num_rows = 32;
-    AlignedBuffer<float> rows(num_rows * 64);
+    AlignedBuffer<float> rows(num_contour_rows * width);
     std::fill_n(rows.data(), rows.size(), 1e-3f);
-    AlignedBuffer<float> gram(64 * 64);
+    AlignedBuffer<float> gram(width * width);
     for (auto _ : state) {
-        kernels.add_gram(rows.data(), num_rows, 64, gram.data());
+        kernels.add_gram(rows.data(), num_contour_rows, width, gram.data());
         benchmark::DoNotOptimize(gram.data());
     }
-    state.counters["flop"] = benchmark::Counter(num_rows * 64 * 65, benchmark::Counter::kIsIterationInvariantRate,
-                                                benchmark::Counter::kIs1000);
+}
+
+void reference_add_gram(benchmark::State& state)
+{
+    const Eigen::MatrixXd rows = Eigen::MatrixXd::Constant(width, num_contour_rows, 1e-3);
+    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(width, width);
+    for (auto _ : state) {
+        gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
+        benchmark::DoNotOptimize(gram.data());
+    }
 }
 
 void combine_grams(benchmark::State& state, const Kernels& kernels)
 {
-    const AlignedBuffer<float> grams(6 * 64 * 64);
-    AlignedBuffer<float> gram(64 * 64);
+    const AlignedBuffer<float> grams(6 * width * width);
+    AlignedBuffer<float> gram(width * width);
     const float scales[6] = {1, 2, 3, 4, 5, 6};
     for (auto _ : state) {
-        kernels.combine_grams(grams.data(), 64, scales, gram.data());
+        kernels.combine_grams(grams.data(), width, scales, gram.data());
         benchmark::DoNotOptimize(gram.data());
     }
 }
 
 void solve_positive(benchmark::State& state, const Kernels& kernels)
 {
-    AlignedBuffer<float> system(64 * 64);
-    AlignedBuffer<float> x(64);
+    AlignedBuffer<float> system(width * width);
+    AlignedBuffer<float> x(width);
     for (auto _ : state) {
         std::fill_n(system.data(), system.size(), 0.25f); // a copy of 16 kB, as small as the solve is large
-        for (int i = 0; i < 60; ++i) {
-            system[static_cast<std::size_t>(65 * i)] = 8;
+        for (int i = 0; i < num_unknowns; ++i) {
+            system[static_cast<std::size_t>((width + 1) * i)] = 8;
         }
-        benchmark::DoNotOptimize(kernels.solve_positive(system.data(), 60, 64, x.data()));
+        benchmark::DoNotOptimize(kernels.solve_positive(system.data(), num_unknowns, width, x.data()));
+    }
+}
+
+void reference_solve_positive(benchmark::State& state)
+{
+    Eigen::MatrixXd matrix = Eigen::MatrixXd::Constant(num_unknowns, num_unknowns, 0.25);
+    matrix.diagonal().setConstant(8);
+    const Eigen::VectorXd right = Eigen::VectorXd::Constant(num_unknowns, 0.25);
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(matrix.llt().solve(right).eval().data());
+    }
+}
+
+void multiply_rows(benchmark::State& state, const Kernels& kernels)
+{
+    const AlignedBuffer<float> rows(3 * num_points * width);
+    const AlignedBuffer<float> x(width);
+    AlignedBuffer<float> out(3 * num_points);
+    std::vector<int> indices(num_points);
+    std::iota(indices.begin(), indices.end(), 0);
+    for (auto _ : state) {
+        kernels.multiply_rows(rows.data(), width, indices.data(), num_points, x.data(), out.data());
+        benchmark::DoNotOptimize(out.data());
+    }
+}
+
+void reference_multiply_rows(benchmark::State& state)
+{
+    const Eigen::MatrixXd columns = Eigen::MatrixXd::Ones(width, 3 * num_points);
+    const Eigen::VectorXd x = Eigen::VectorXd::Ones(width);
+    for (auto _ : state) {
+        benchmark::DoNotOptimize((columns.transpose() * x).eval().data());
     }
 }
 
@@ -343,60 +491,114 @@ void report_all()
     }
 }
 
+template <typename Function>
+benchmark::internal::Benchmark* add(const std::string& name, Function function)
+{
+    return benchmark::RegisterBenchmark(name.c_str(), function)->Unit(benchmark::kMicrosecond);
+}
+
+void register_reference()
+{
+    const auto add_fit = [](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
+        const FitOptions options = options_of(mode, expressions);
+        for (const Mesh mesh : {Mesh::none, Mesh::float32}) {
+            add("reference/" + name + suffix_of(mesh),
+                [=](benchmark::State& s) { reference_fit(s, options, yaw_deg, mesh); });
+        }
+    };
+    add_fit("front", ContourMode::front_facing, "ekman6", -1);
+    add_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
+    add_fit("both_yaw30", ContourMode::both, "ekman6", 30);
+    for (const char* name : {"ekman6", "arkit47"}) {
+        const std::string set = name;
+        add("reference/warm_step_" + set, [=](benchmark::State& s) { reference_warm_step(s, set); });
+        add("reference/frozen_" + set, [=](benchmark::State& s) { reference_frozen_step(s, set, Mesh::none); });
+        add("reference/frozen_mesh_" + set, [=](benchmark::State& s) { reference_frozen_step(s, set, Mesh::float32); });
+        add("reference/mesh_" + set, [=](benchmark::State& s) { reference_meshes(s, set, 1); });
+        add("reference/mesh_batch_" + set, [=](benchmark::State& s) { reference_meshes(s, set, batch_size); });
+        add("reference/sweep_10_" + set, [=](benchmark::State& s) { reference_sweep(s, set, 10); });
+    }
+    add("reference/add_gram", reference_add_gram);
+    add("reference/solve_positive", reference_solve_positive);
+    add("reference/multiply_rows", reference_multiply_rows);
+}
+
+void register_limits(const Kernels& kernels)
+{
+    const std::string prefix = std::string(kernels.name) + "/limit/";
+    const bench::MultiplyAdds multiply_adds = bench::multiply_adds_of(kernels);
+    const auto add_reading = [&](const std::string& name, std::int64_t num_bytes) {
+        add(prefix + name, [=, &kernels](benchmark::State& s) { read_limit(s, kernels, num_bytes); });
+    };
+    const auto add_arithmetic = [&](const std::string& name, std::int64_t num_operations) {
+        if (multiply_adds != nullptr) {
+            add(prefix + name, [=](benchmark::State& s) { arithmetic_limit(s, multiply_adds, num_operations); });
+        }
+    };
+    for (const std::string name : {"ekman6", "arkit47"}) {
+        add_reading("mesh_" + name, 4 * mesh_numbers(name, true));
+        add_reading("mesh_int16_" + name, 2 * mesh_numbers(name, true));
+        add_reading("mesh_of_frozen_" + name, 4 * mesh_numbers(name, false));
+        add_arithmetic("mesh_batch_" + name, 2 * batch_size * mesh_numbers(name, true));
+    }
+    add_arithmetic("add_gram", gram_operations);
+    add_reading("combine_grams", gram_bytes);
+    add_arithmetic("solve_positive", solve_operations);
+    add_reading("multiply_rows", row_bytes);
+}
+
+void register_parts(const Kernels& kernels)
+{
+    const std::string prefix = std::string(kernels.name) + "/";
+    const auto add_fit = [&](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
+        const FitOptions options = options_of(mode, expressions);
+        for (const Mesh mesh : {Mesh::none, Mesh::float32, Mesh::int16}) {
+            add(prefix + name + suffix_of(mesh),
+                [=, &kernels](benchmark::State& s) { whole_fit(s, kernels, options, yaw_deg, mesh); });
+        }
+    };
+    add_fit("front", ContourMode::front_facing, "ekman6", -1);
+    add_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
+    add_fit("both_yaw30", ContourMode::both, "ekman6", 30);
+    add(prefix + "batch",
+        [&](benchmark::State& s) {
+            batch(s, kernels, options_of(ContourMode::front_facing, "ekman6"), MeshStorage::float32);
+        })
+        ->Threads(2)
+        ->UseRealTime();
+    for (const char* name : {"ekman6", "arkit47"}) {
+        const std::string set = name;
+        const auto add_part = [&](const std::string& part, auto function) {
+            add(prefix + part + "_" + set, [=, &kernels](benchmark::State& s) { function(s, kernels, set); });
+        };
+        add_part("warm_step", warm_step);
+        add_part("frozen", [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::none); });
+        add_part("frozen_mesh", [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::float32); });
+        add_part("mesh", [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, MeshStorage::float32); });
+        add_part("mesh_int16",
+                 [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, MeshStorage::int16); });
+        add_part("mesh_of_frozen", frozen_mesh_alone);
+        add_part("mesh_batch",
+                 [](auto& s, const Kernels& k, const auto& e) { mesh_batch(s, k, e, MeshStorage::float32); });
+        add_part("sweep_10", [](auto& s, const Kernels& k, const auto& e) { sweep(s, k, e, 10); });
+        add_part("sweep_100", [](auto& s, const Kernels& k, const auto& e) { sweep(s, k, e, 100); });
+    }
+    const auto add_kernel = [&](const std::string& name, auto function) {
+        add(prefix + name, [=, &kernels](benchmark::State& s) { function(s, kernels); });
+    };
+    add_kernel("add_gram", add_gram);
+    add_kernel("combine_grams", combine_grams);
+    add_kernel("solve_positive", solve_positive);
+    add_kernel("multiply_rows", multiply_rows);
+}
+
 void register_all()
 {
-    const FitOptions front = options_of(ContourMode::front_facing, "ekman6");
-    const FitOptions front47 = options_of(ContourMode::front_facing, "arkit47");
-    const FitOptions both = options_of(ContourMode::both, "ekman6");
-    const auto add = [](const std::string& name, auto function) {
-        benchmark::RegisterBenchmark(name.c_str(), function)->Unit(benchmark::kMicrosecond);
-    };
     add("calibration", bench::calibration);
-    add("reference/front", [=](benchmark::State& state) { reference_fit(state, front, -1); });
-    add("reference/front_arkit47", [=](benchmark::State& state) { reference_fit(state, front47, -1); });
-    add("reference/both_yaw30", [=](benchmark::State& state) { reference_fit(state, both, 30); });
-    add("reference/sweep_10", [=](benchmark::State& state) { reference_sweep(state, front, 10); });
-    for (const Kernels* k : kernels::supported_kernels()) {
-        const Kernels& kernels = *k;
-        const std::string set = std::string(kernels.name) + "/";
-        const auto add_fit = [&](const std::string& name, const FitOptions& options, int yaw_deg, Mesh mesh) {
-            add(set + name, [=, &kernels](benchmark::State& s) { whole_fit(s, kernels, options, yaw_deg, mesh); });
-        };
-        add_fit("front", front, -1, Mesh::none);
-        benchmark::RegisterBenchmark(
-            (set + "batch").c_str(),
-            [=, &kernels](benchmark::State& s) { batch(s, kernels, front, MeshStorage::float32); })
-            ->Threads(2)
-            ->UseRealTime()
-            ->Unit(benchmark::kMicrosecond);
-        add_fit("front_mesh", front, -1, Mesh::float32);
-        add_fit("front_mesh_int16", front, -1, Mesh::int16);
-        add_fit("front_arkit47", front47, -1, Mesh::none);
-        add_fit("front_arkit47_mesh", front47, -1, Mesh::float32);
-        add_fit("front_arkit47_mesh_int16", front47, -1, Mesh::int16);
-        add_fit("both_yaw30", both, 30, Mesh::none);
-        add_fit("both_yaw30_mesh", both, 30, Mesh::float32);
-        add_fit("both_yaw30_mesh_int16", both, 30, Mesh::int16);
-        for (const char* name : {"ekman6", "arkit47"}) {
-            const std::string expressions = name;
-            add(set + "warm_step_" + name, [=, &kernels](benchmark::State& s) { warm_step(s, kernels, expressions); });
-            add(set + "frozen_" + name,
-                [=, &kernels](benchmark::State& s) { frozen_step(s, kernels, expressions, Mesh::none); });
-            add(set + "frozen_mesh_" + name,
-                [=, &kernels](benchmark::State& s) { frozen_step(s, kernels, expressions, Mesh::float32); });
-            add(set + "mesh_" + name,
-                [=, &kernels](benchmark::State& s) { mesh_alone(s, kernels, expressions, MeshStorage::float32); });
-            add(set + "mesh_batch_" + name,
-                [=, &kernels](benchmark::State& s) { mesh_batch(s, kernels, expressions, MeshStorage::float32); });
-            add(set + "sweep_10_" + name, [=, &kernels](benchmark::State& s) { sweep(s, kernels, expressions, 10); });
-            add(set + "sweep_100_" + name, [=, &kernels](benchmark::State& s) { sweep(s, kernels, expressions, 100); });
-            add(set + "mesh_int16_" + name,
-                [=, &kernels](benchmark::State& s) { mesh_alone(s, kernels, expressions, MeshStorage::int16); });
-        }
-        add(set + "read", [&kernels](benchmark::State& s) { read_alone(s, kernels); });
-        add(set + "add_gram_32x64", [&kernels](benchmark::State& s) { add_gram(s, kernels); });
-        add(set + "combine_grams_64", [&kernels](benchmark::State& s) { combine_grams(s, kernels); });
-        add(set + "solve_positive_60", [&kernels](benchmark::State& s) { solve_positive(s, kernels); });
+    register_reference();
+    for (const Kernels* kernels : kernels::supported_kernels()) {
+        register_parts(*kernels);
+        register_limits(*kernels);
     }
 }
 
