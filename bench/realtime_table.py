@@ -6,8 +6,9 @@
     bench/realtime_table.py FILE.json [--set NAME] [--plot FILE.png]
 
 FILE.json is what the program wrote with --benchmark_out; NAME is the instruction set, AVX2 say, else the first one.
-Times are medians of the repetitions' processor times. A limit is a least time: the fraction of it is the limit's least
-time over that of the part. The plot needs Debian's python3-matplotlib.
+Processor times, the median and the least of the repetitions. Ratios are of least times, which come out alike from run
+to run even where neighbours on the same processor disturb half of the repetitions. The plot needs Debian's
+python3-matplotlib.
 """
 import argparse
 import json
@@ -65,9 +66,9 @@ class Run:
     def times(self, name):
         return [entry["cpu_time"] for entry in self.entries[name]]
 
-    def median(self, name):
+    def least(self, name):
         """None if it was not measured."""
-        return statistics.median(self.times(name)) if name in self.entries else None
+        return min(self.times(name)) if name in self.entries else None
 
     def spread(self, name):
         """Half the distance between the quartiles over the median."""
@@ -75,20 +76,20 @@ class Run:
         return 0.5 * (high - low) / middle
 
     def first_set(self):
-        return next(name for name in self.entries if name.endswith("/front") and name != "reference/front").split("/")[0]
+        sets = (name.split("/")[0] for name in self.entries if name.endswith("/front"))
+        return next(name for name in sets if name != "reference")
 
 
 class Row:
     def __init__(self, run, kernels, part):
         name, limit = f"{kernels}/{part}", f"{kernels}/limit/{part}"
         self.text = PARTS[part]
-        self.time = run.median(name)
-        self.ratio = self.time / run.median("calibration")
+        self.median = statistics.median(run.times(name))
+        self.least = run.least(name)
         self.spread = run.spread(name)
-        self.reference = run.median("reference/" + part.replace("_int16", ""))
-        self.limit_part = self.limit_kind = self.limit_rate = None
-        if limit in run.entries:
-            self.limit_part = min(run.times(limit)) / min(run.times(name))
+        self.reference = run.least("reference/" + part.replace("_int16", ""))
+        self.limit = run.least(limit)
+        if self.limit:
             self.limit_kind = run.entries[limit][0]["label"]
             counter, unit = {"reading": ("bytes", "GB/s"), "arithmetic": ("flop", "GFLOPS")}[self.limit_kind]
             self.limit_rate = f"{max(entry[counter] for entry in run.entries[limit]) / 1e9:.0f} {unit}"
@@ -100,20 +101,21 @@ def digits(value, count=3):
 
 
 def print_table(run, kernels, rows):
-    print("| part | time, µs | ratio to the kernel | double precision: times as long | of the limit | limit |")
-    print("| --- | --- | --- | --- | --- | --- |")
+    print("| part | median, µs | least, µs | ratio to the kernel | double precision: times | of the limit | limit |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
     for row in rows:
-        cells = [row.text, digits(row.time), digits(row.ratio, 2),
-                 digits(row.reference / row.time, 2) if row.reference else "",
-                 f"{100 * row.limit_part:.0f} %" if row.limit_part else "",
-                 f"{row.limit_kind}, {row.limit_rate}" if row.limit_part else ""]
+        cells = [row.text, digits(row.median), digits(row.least), digits(row.least / run.least("calibration"), 2),
+                 digits(row.reference / row.least, 2) if row.reference else "",
+                 f"{100 * row.limit / row.least:.0f} %" if row.limit else "",
+                 f"{row.limit_kind}, {row.limit_rate}" if row.limit else ""]
         print("| " + " | ".join(cells) + " |")
     load = ", ".join(f"{value:.1f}" for value in run.context.get("load_avg", []))
+    calibration = run.times("calibration")
     spreads = [row.spread for row in rows]
-    print(f"\n{kernels}, {len(run.times('calibration'))} repetitions, load before the run {load} on "
-          f"{run.context['num_cpus']} cores, calibration kernel {run.median('calibration'):.0f} µs; half the distance "
-          f"between the quartiles: {100 * statistics.median(spreads):.0f} % of the time in the middle of the parts, "
-          f"{100 * max(spreads):.0f} % at most")
+    print(f"\n{kernels}, {len(calibration)} repetitions, load before the run {load} on {run.context['num_cpus']} "
+          f"cores, calibration kernel {statistics.median(calibration):.0f} µs, at least {min(calibration):.0f}; half the "
+          f"distance between the quartiles: {100 * statistics.median(spreads):.0f} % of the time in the middle of the "
+          f"parts, {100 * max(spreads):.0f} % at most")
 
 
 def plot(run, rows, path):
@@ -124,17 +126,17 @@ def plot(run, rows, path):
 
     plt.rcParams.update({"font.size": 9, "legend.fontsize": 8, "axes.spines.top": False, "axes.spines.right": False,
                          "legend.frameon": False})
-    calibration = run.median("calibration")
+    calibration = run.least("calibration")
     figure, axes = plt.subplots(figsize=(9, 0.24 * len(rows) + 1.2))
     for i, row in enumerate(rows):
+        ratio = row.least / calibration
         if row.reference:
-            axes.plot([row.ratio, row.reference / calibration], [i, i], color="#c9d9ea", linewidth=4, zorder=1)
+            axes.plot([ratio, row.reference / calibration], [i, i], color="#c9d9ea", linewidth=4, zorder=1)
             axes.plot(row.reference / calibration, i, "s", color="#2166ac", zorder=2)
-        axes.plot(row.ratio, i, "o", color="#1b7837", zorder=3)
-        if row.limit_part:
-            limit = row.limit_part * row.ratio
-            axes.plot([limit, row.ratio], [i, i], color="#d5e8d4", linewidth=4, zorder=1)
-            axes.plot(limit, i, "|", color="black", markersize=9, markeredgewidth=2, zorder=2)
+        axes.plot(ratio, i, "o", color="#1b7837", zorder=3)
+        if row.limit:
+            axes.plot([row.limit / calibration, ratio], [i, i], color="#d5e8d4", linewidth=4, zorder=1)
+            axes.plot(row.limit / calibration, i, "|", color="black", markersize=9, markeredgewidth=2, zorder=2)
     axes.plot([], [], "s", color="#2166ac", label="double precision")
     axes.plot([], [], "o", color="#1b7837", label="real-time")
     axes.plot([], [], "|", color="black", markersize=9, markeredgewidth=2, label="limit measured in the same run")
@@ -143,7 +145,7 @@ def plot(run, rows, path):
     axes.set_xscale("log")
     axes.grid(axis="x", color="#e4e4e4")
     axes.set_axisbelow(True)
-    axes.set_xlabel(f"ratio to the calibration kernel ({calibration:.0f} µs)")
+    axes.set_xlabel(f"least time, ratio to that of the calibration kernel ({calibration:.0f} µs)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.07), ncol=3)
     figure.tight_layout()
     figure.savefig(path, dpi=110, pil_kwargs={"optimize": True})
