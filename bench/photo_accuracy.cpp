@@ -4,18 +4,21 @@
 // Landmarks of both detectors and the faces fitted to them, against the annotation of real photos.
 //
 //   bench/aflw2000_angles.py DATA/images/aflw2000 angles.csv           (optional; needs scipy)
-//   photo_accuracy DATA [angles.csv]     DATA/images/<set>/ with iBUG .pts beside the pictures
+//   photo_accuracy DATA [--angles angles.csv] [--method thesis]
+//                                        DATA/images/<set>/ with iBUG .pts beside the pictures
 //
 // Errors are mean distances of the inner points 18 ... 68 from the annotation, in % of its outer-eye distance; medians
 // over the faces of a set. A fit has the default options. Rows of a set: the annotation itself, 68 points of
 // FaceDetector, 52 of MeshDetector as ibug68 (no outline but the chin), all 478 of MeshDetector; the fit's error is
 // that of the model's projected landmarks.
+#include "fitters_of_method.hpp"
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/vision/face_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
+#include "options.hpp"
 #include "photo_sets.hpp"
 
 #include <array>
@@ -101,7 +104,6 @@ Sources no_values()
 struct Face
 {
     LandmarkSet as_ibug68;
-    const FaceFitter* fitter;
     LandmarkSet landmarks;
 };
 
@@ -134,12 +136,11 @@ LandmarkSet project_ibug68(const MorphableModel& model, const FitResult& fit)
     return projected;
 }
 
-void add(Source& source, const Face& face, const LandmarkSet& truth, const ImageU8& picture,
+void add(Source& source, const Face& face, const FitResult& fit, const MorphableModel& model, const LandmarkSet& truth,
          const std::optional<SetAngles>& angles)
 {
-    const FitResult fit = face.fitter->fit(face.landmarks, 0.5 * Eigen::Vector2d(picture.width, picture.height));
     source.landmark_percent.push_back(error_percent(face.as_ibug68, truth));
-    source.fit_percent.push_back(error_percent(project_ibug68(face.fitter->model(), fit), truth));
+    source.fit_percent.push_back(error_percent(project_ibug68(model, fit), truth));
     source.not_success += fit.status == FitStatus::success ? 0 : 1;
     if (angles) {
         source.poses.push_back(pose_error(fit.camera.camera_from_model, *angles));
@@ -174,13 +175,12 @@ void print_poses(const Sources& sources)
     }
 }
 
-void measure(const fs::path& data, const std::map<std::string, SetAngles>& angles_of)
+void measure(const fs::path& data, const std::map<std::string, SetAngles>& angles_of, const std::string& method)
 {
     FaceDetector face_detector;
     MeshDetector mesh_detector;
     const MorphableModel model = load_model(default_model_path());
-    const FaceFitter sparse(model, "ibug68");
-    const FaceFitter dense(model, "mediapipe478");
+    const FittersOfMethod fitters(model, method);
     Sources all = no_values();
     std::printf(
         "set                landmarks of     faces  landmarks_%%        fit_%%   fit_p90_%%  fits_not_success\n");
@@ -190,24 +190,26 @@ void measure(const fs::path& data, const std::map<std::string, SetAngles>& angle
             const ImageU8 picture = load_image(path);
             std::array<std::vector<Face>, 3> found;
             for (const DetectedFace& face : face_detector.detect(picture)) {
-                found[0].push_back({face.landmarks, &sparse, face.landmarks});
+                found[0].push_back({face.landmarks, face.landmarks});
             }
             for (const MeshFace& face : mesh_detector.detect(picture)) {
                 const LandmarkSet as_ibug68 = ibug68_from_mediapipe(face.landmarks);
-                found[1].push_back({as_ibug68, &sparse, as_ibug68});
-                found[2].push_back({as_ibug68, &dense, face.landmarks});
+                found[1].push_back({as_ibug68, as_ibug68});
+                found[2].push_back({as_ibug68, face.landmarks});
             }
             const auto known = angles_of.find(path.stem().string());
             const std::optional<SetAngles> angles =
                 known != angles_of.end() ? std::optional(known->second) : std::nullopt;
             for (const LandmarkSet& truth : truths) {
-                const Face annotated = {truth, &sparse, truth};
+                const Face annotated = {truth, truth};
                 const std::array<const Face*, 4> faces = {&annotated, nearest_face(found[0], truth),
                                                           nearest_face(found[1], truth), nearest_face(found[2], truth)};
                 for (std::size_t s = 0; s < faces.size(); ++s) {
                     if (faces[s]) {
-                        add(sources[s], *faces[s], truth, picture, angles);
-                        add(all[s], *faces[s], truth, picture, angles);
+                        const Eigen::Vector2d centre_px = 0.5 * Eigen::Vector2d(picture.width, picture.height);
+                        const FitResult fit = fitters.fit(faces[s]->landmarks, centre_px);
+                        add(sources[s], *faces[s], fit, model, truth, angles);
+                        add(all[s], *faces[s], fit, model, truth, angles);
                     }
                 }
             }
@@ -223,14 +225,13 @@ void measure(const fs::path& data, const std::map<std::string, SetAngles>& angle
 
 } // namespace
 
-int main(int count, char** arguments)
+int main(int argc, char** argv)
 {
-    if (count != 2 && count != 3) {
-        std::fprintf(stderr, "usage: photo_accuracy DATA [angles.csv]\n");
-        return 2;
-    }
+    const Options options(argc, argv, "photo_accuracy DATA [--angles angles.csv] [--method thesis]", 1);
     try {
-        measure(arguments[1], count == 3 ? load_angles(arguments[2]) : std::map<std::string, SetAngles>());
+        const std::string angles = options.text("--angles", "");
+        measure(argv[1], angles.empty() ? std::map<std::string, SetAngles>() : load_angles(angles),
+                options.text("--method", "thesis"));
     } catch (const std::exception& error) {
         std::fprintf(stderr, "photo_accuracy: error: %s\n", error.what());
         return 1;

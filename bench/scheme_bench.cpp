@@ -3,6 +3,7 @@
 //
 // How well the default model's scheme mediapipe478 fits what the mesh detector finds, against the scheme ibug68.
 //   scheme_bench DATA [MODEL]    DATA/images/<set>/ with iBUG .pts beside the pictures, DATA/images/johns/<person>/
+#include "fitters_of_method.hpp"
 #include "photo_sets.hpp"
 
 #include "lineament/camera/angles.hpp"
@@ -26,6 +27,7 @@ namespace {
 using namespace lineament;
 namespace fs = std::filesystem;
 using bench::error_percent;
+using bench::FittersOfMethod;
 
 Eigen::Vector2d center_of(const ImageU8& picture)
 {
@@ -222,12 +224,17 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
     }
     std::sort(pictures.begin(), pictures.end());
     FaceDetector detector;
-    const FaceFitter sparse(model, "ibug68");
-    const FaceFitter dense(model, "mediapipe478");
-    std::vector<Subject> with_dlib;
-    std::vector<Subject> with_mesh_as_ibug;
-    std::vector<Subject> with_mesh;
-    double fit_us = 0.0;
+    struct Method
+    {
+        std::string name;
+        FittersOfMethod fitters;
+        std::array<std::vector<Subject>, 3> subjects = {}; ///< By landmarks.
+        double fit_us = 0.0;                               ///< To all points of the mesh.
+    };
+    std::vector<Method> methods;
+    for (const char* name : {"thesis", "joint"}) {
+        methods.push_back({name, FittersOfMethod(model, name)});
+    }
     for (const auto& [person, path] : pictures) {
         const ImageU8 picture = load_image(path);
         const std::vector<DetectedFace> faces = detector.detect(picture);
@@ -236,20 +243,26 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
             std::printf("not found by both: %s\n", path.filename().c_str());
             continue;
         }
-        const Eigen::Vector2d center = center_of(picture);
-        with_dlib.push_back({person, face_of(model, sparse.fit(faces[0].landmarks, center))});
-        with_mesh_as_ibug.push_back(
-            {person, face_of(model, sparse.fit(ibug68_from_mediapipe(meshes[0].landmarks), center))});
-        const FitResult fit = dense.fit(meshes[0].landmarks, center);
-        fit_us += fit.timing.total_us;
-        with_mesh.push_back({person, face_of(model, fit)});
+        const LandmarkSet& mesh = meshes[0].landmarks;
+        const std::array<LandmarkSet, 3> landmarks = {faces[0].landmarks, ibug68_from_mediapipe(mesh), mesh};
+        for (Method& method : methods) {
+            for (std::size_t l = 0; l < landmarks.size(); ++l) {
+                const FitResult fit = method.fitters.fit(landmarks[l], center_of(picture));
+                method.subjects[l].push_back({person, face_of(model, fit)});
+                method.fit_us += l == 2 ? fit.timing.total_us : 0.0;
+            }
+        }
     }
-    std::printf("\nNeutral faces of four people, mean distance after alignment, mm\n%-28s %6s %9s %9s %9s %9s\n",
-                "landmarks", "photos", "same", "other", "ratio", "AUC");
-    print_consistency("68 of dlib", with_dlib);
-    print_consistency("52 of the mesh as ibug68", with_mesh_as_ibug);
-    print_consistency("468 of the mesh", with_mesh);
-    std::printf("fit of 468 points: %.2f ms (mean)\n", 1e-3 * fit_us / static_cast<double>(with_mesh.size()));
+    for (const Method& method : methods) {
+        std::printf("\nNeutral faces of four people, method %s, mean distance after alignment, mm\n"
+                    "%-28s %6s %9s %9s %9s %9s\n",
+                    method.name.c_str(), "landmarks", "photos", "same", "other", "ratio", "AUC");
+        print_consistency("68 of dlib", method.subjects[0]);
+        print_consistency("52 of the mesh as ibug68", method.subjects[1]);
+        print_consistency("468 of the mesh", method.subjects[2]);
+        std::printf("fit of 468 points: %.2f ms (mean)\n",
+                    1e-3 * method.fit_us / static_cast<double>(method.subjects[2].size()));
+    }
 }
 
 } // namespace

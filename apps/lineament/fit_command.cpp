@@ -236,7 +236,6 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
     }
     report.model_name = session.model.name;
     report.program = std::string("lineament ") + version;
-    report.focal_px = options.model.focal_px > 0 ? std::optional(options.model.focal_px) : std::nullopt;
 
     make_folder(job.output);
     FileBatch written;
@@ -259,6 +258,9 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
         }
         if (fit.status == FitStatus::degenerate || fit.status == FitStatus::too_few_correspondences) {
             continue; // there is no face to draw
+        }
+        if (fit.camera.phi_per_mm > 0) {
+            report.focal_px = fit.camera.scale_px_per_mm / fit.camera.phi_per_mm;
         }
         const FittedFace face = make_fitted_face(id, fit, session.model, session.layout, picture);
         const fs::path folder = fits.size() == 1 ? job.output : job.output / ("face_" + std::to_string(id));

@@ -35,9 +35,6 @@ FitOptions thesis_options(const ModelOptions& options)
     fit.regularization = options.regularization.value_or(fit.regularization);
     fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
     fit.contour = contour_mode(options.contour);
-    if (options.focal_px > 0.0) {
-        fit.focal_length_px = options.focal_px;
-    }
     return fit;
 }
 
@@ -49,6 +46,9 @@ JointOptions joint_options(const ModelOptions& options)
     fit.contour = contour_mode(options.contour);
     if (options.focal_px > 0.0) {
         fit.focal_length_px = options.focal_px;
+    }
+    if (options.fits_focal) {
+        fit.phi_sigma_per_mm = 0.002; // faces from 40 cm on
     }
     return fit;
 }
@@ -111,36 +111,44 @@ struct Fitters::Implementation
     std::map<std::string, JointFitter> joint_fitters = {};
     std::map<std::string, FrameFitter> frame_fitters = {};
 
+    std::optional<double> found_focal_px = std::nullopt; ///< Of the last identity.
+
     [[nodiscard]] bool is_joint() const { return options.method == "joint"; }
 
-    /// nullptr for what it does not do: a perspective camera.
-    FrameFitter* frame_fitter(const std::string& scheme)
+    [[nodiscard]] std::optional<double> focal_px() const
     {
-        if (options.focal_px > 0.0) {
-            return nullptr;
-        }
+        return options.focal_px > 0.0 ? std::optional(options.focal_px) : found_focal_px;
+    }
+
+    FrameFitter& frame_fitter(const std::string& scheme)
+    {
         auto known = frame_fitters.find(scheme);
         if (known == frame_fitters.end()) {
             RealtimeFitter fitter(*model, scheme, thesis_options(options), kernels::dispatched_kernels());
             known = frame_fitters.emplace(scheme, FrameFitter(std::move(fitter))).first;
         }
-        return &known->second;
+        return known->second;
     }
 
     const FaceFitter& thesis(const std::string& scheme)
     {
         const auto known = thesis_fitters.find(scheme);
-        return known != thesis_fitters.end()
-                   ? known->second
-                   : thesis_fitters.emplace(scheme, FaceFitter(*model, scheme, thesis_options(options))).first->second;
+        if (known != thesis_fitters.end()) {
+            return known->second;
+        }
+        FitOptions fit = thesis_options(options);
+        fit.focal_length_px = focal_px();
+        return thesis_fitters.emplace(scheme, FaceFitter(*model, scheme, fit)).first->second;
     }
 
     const JointFitter& joint(const std::string& scheme)
     {
         const auto known = joint_fitters.find(scheme);
-        return known != joint_fitters.end()
-                   ? known->second
-                   : joint_fitters.emplace(scheme, JointFitter(*model, scheme, joint_options(options))).first->second;
+        return known != joint_fitters.end() ? known->second
+                                            : joint_fitters
+                                                  .emplace(scheme, JointFitter(*model, scheme, joint_options(options),
+                                                                               &kernels::dispatched_kernels()))
+                                                  .first->second;
     }
 };
 
@@ -151,6 +159,9 @@ Fitters::Fitters(const MorphableModel& model, const ModelOptions& options)
         throw Failure(wrong_use,
                       "--prior and --regularization are settings of --method thesis; the joint method weighs "
                       "the prior as the maximum a posteriori estimate does");
+    }
+    if (options.fits_focal && options.method != "joint") {
+        throw Failure(wrong_use, "--focal unknown needs --method joint: the thesis's method does not fit it");
     }
 }
 
@@ -213,32 +224,50 @@ Eigen::VectorXf Fitters::vertex_deviations_mm(const Eigen::MatrixXd& shape_covar
 
 FitResult Fitters::fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
 {
-    FrameFitter* const frames = implementation_->is_joint() ? nullptr : implementation_->frame_fitter(landmarks.scheme);
-    if (frames == nullptr) {
-        return fit(landmarks, principal_point_px).result;
+    if (implementation_->options.focal_px > 0.0) {
+        return implementation_->thesis(landmarks.scheme).fit(landmarks, principal_point_px);
     }
-    frames->fitter.fit(landmarks, principal_point_px, frames->workspace, frames->result);
-    return frames->result;
+    FrameFitter& frames = implementation_->frame_fitter(landmarks.scheme);
+    frames.fitter.fit(landmarks, principal_point_px, frames.workspace, frames.result);
+    return frames.result;
 }
 
 FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
                                            const Eigen::VectorXd& shape_coefficients, const FitResult* start)
 {
-    if (FrameFitter* const frames = implementation_->frame_fitter(landmarks.scheme)) {
-        frames->fitter.fit_pose_and_expression(landmarks, principal_point_px, frames->frozen(shape_coefficients),
-                                               frames->workspace, frames->result, start);
-        return frames->result;
+    if (implementation_->focal_px()) {
+        return implementation_->thesis(landmarks.scheme)
+            .fit_pose_and_expression(landmarks, principal_point_px, shape_coefficients, start);
     }
-    return implementation_->thesis(landmarks.scheme)
-        .fit_pose_and_expression(landmarks, principal_point_px, shape_coefficients, start);
+    FrameFitter& frames = implementation_->frame_fitter(landmarks.scheme);
+    frames.fitter.fit_pose_and_expression(landmarks, principal_point_px, frames.frozen(shape_coefficients),
+                                          frames.workspace, frames.result, start);
+    return frames.result;
 }
 
 Eigen::VectorXd Fitters::fit_identity(const std::vector<LandmarkSet>& frames, const Eigen::Vector2d& principal_point_px)
 {
     const std::string& scheme = frames.front().scheme;
-    return implementation_->is_joint()
-               ? implementation_->joint(scheme).fit_frames(frames, principal_point_px).shape_coefficients
-               : fit_frames(implementation_->thesis(scheme), frames, principal_point_px).shape_coefficients;
+    if (!implementation_->is_joint()) {
+        return fit_frames(implementation_->thesis(scheme), frames, principal_point_px).shape_coefficients;
+    }
+    const JointFramesResult fitted = implementation_->joint(scheme).fit_frames(frames, principal_point_px);
+    if (implementation_->options.fits_focal) {
+        implementation_->thesis_fitters.clear();
+        implementation_->found_focal_px.reset();
+        for (const JointFitResult& frame : fitted.frames) {
+            const Camera& camera = frame.fit.camera;
+            if (camera.phi_per_mm > 0) { // the same focal length in all of them
+                implementation_->found_focal_px = camera.scale_px_per_mm / camera.phi_per_mm;
+            }
+        }
+    }
+    return fitted.shape_coefficients;
+}
+
+std::optional<double> Fitters::focal_px() const
+{
+    return implementation_->focal_px();
 }
 
 } // namespace lineament::cli

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -49,8 +50,7 @@ public:
     /// coordinates, in model space, the head's size included.
     [[nodiscard]] Eigen::VectorXf vertex_deviations_mm(const Eigen::MatrixXd& shape_covariance) const;
 
-    /// As fit, of one of many frames: in real time where the method and the camera allow it, without the times of
-    /// parts.
+    /// One of many frames by itself; by the thesis's method, in real time where the camera allows it.
     [[nodiscard]] FitResult fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px);
 
     /// Pose and expression of one of many frames; by the thesis's method, whatever the method of the identity.
@@ -59,9 +59,13 @@ public:
                                                     const Eigen::Vector2d& principal_point_px,
                                                     const Eigen::VectorXd& shape_coefficients, const FitResult* start);
 
-    /// The shape coefficients of one person seen in several frames of a video.
+    /// The shape coefficients of one person seen in several frames of a video. An unknown focal length that is to be
+    /// fitted is known from then on.
     [[nodiscard]] Eigen::VectorXd fit_identity(const std::vector<LandmarkSet>& frames,
                                                const Eigen::Vector2d& principal_point_px);
+
+    /// Given, or found by fit_identity.
+    [[nodiscard]] std::optional<double> focal_px() const;
 
 private:
     struct Implementation;

@@ -6,7 +6,23 @@
 
 #include <CLI/CLI.hpp>
 
+#include <cmath>
+
 namespace lineament::cli {
+
+namespace {
+
+void set_focal(const std::string& text, ModelOptions& options)
+{
+    options.fits_focal = text == "unknown";
+    options.focal_px = 0.0;
+    if (!options.fits_focal && (!CLI::detail::lexical_cast(text, options.focal_px) ||
+                                !std::isfinite(options.focal_px) || options.focal_px < 0.0)) {
+        throw CLI::ValidationError("--focal", "expected a number of px >= 0, or unknown, got " + text);
+    }
+}
+
+} // namespace
 
 void add_model_options(CLI::App& command, ModelOptions& options)
 {
@@ -42,8 +58,12 @@ void add_model_options(CLI::App& command, ModelOptions& options)
         ->check(CLI::IsMember({"model", "published"}))
         ->capture_default_str();
     command
-        .add_option("--focal", options.focal_px, "Focal length [px]: fit a perspective camera; 0: scaled orthographic.")
-        ->check(CLI::NonNegativeNumber);
+        .add_option_function<std::string>(
+            "--focal", [&options](const std::string& text) { set_focal(text, options); },
+            "Focal length [px] of a perspective camera; unknown: fit it too (--method joint; for near faces, such as "
+            "selfies, best in several pictures or a video); 0: scaled orthographic.")
+        ->type_name("PX|unknown")
+        ->default_str("0");
 }
 
 std::string model_path_or_default(const std::string& path)

@@ -26,7 +26,8 @@ struct ModelOptions
     std::string prior = "model";
     std::optional<int> iterations;        ///< Empty: the default of the method.
     std::optional<double> regularization; ///< Empty: the default of the prior.
-    double focal_px = 0.0;                ///< 0: unknown, scaled orthographic.
+    double focal_px = 0.0;                ///< 0: not known.
+    bool fits_focal = false;              ///< Unknown and fitted; otherwise scaled orthographic if not known.
 };
 
 void add_model_options(CLI::App& command, ModelOptions& options);

@@ -338,7 +338,7 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
     report.is_complete = is_complete;
     file.model = model_.name;
     file.method = options_.model.method;
-    file.focal_px = options_.model.focal_px > 0.0 ? std::optional(options_.model.focal_px) : std::nullopt;
+    file.focal_px = fitters_.focal_px();
     file.principal_point_px = center_of(info);
     file.landmark_scheme = landmarks_.scheme;
     file.expression_set = expressions != nullptr ? expressions->name : "";

@@ -8,12 +8,15 @@
 #include "lineament/fit/frame_fit_impl.hpp"
 #include "lineament/fit/joint_image.hpp"
 #include "lineament/fit/joint_solver.hpp"
+#include "lineament/fit/pair_moments_impl.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 
 #include <Eigen/Cholesky>
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 namespace lineament::detail {
@@ -23,7 +26,9 @@ class JointFit
 {
 public:
     /// @param num_before  Images that the prior comes from.
-    JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior, int num_before);
+    /// @param kernels     As of the JointFitter.
+    JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior, int num_before,
+             const kernels::Kernels* kernels);
 
     void add_image(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const FitResult* start,
                    std::span<const Eigen::Matrix2d> covariances_px);
@@ -45,6 +50,7 @@ private:
 
     void estimate_pose(Image& image, const Eigen::VectorXd& psi);
     void match();
+    void turn_by_depth(std::size_t used_index);
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
     [[nodiscard]] FitResult fit_result(std::size_t used_index) const;
     void judge(JointFramesResult& result) const;
@@ -56,7 +62,8 @@ private:
     std::vector<Image> images_ = {};
     JointProblem problem_; ///< Of the usable images only, in order.
     std::vector<std::size_t> used_ = {};
-    JointState state_ = {};
+    JointState state_ = {}; ///< The minimum of the energy.
+    JointState shown_ = {}; ///< The same, with cameras and expressions turned by depth.
     std::vector<double> matched_scales_ = {};
     JointProgress progress_ = {};
     double total_us_ = 0.0;
@@ -64,10 +71,11 @@ private:
 };
 
 inline JointFit::JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior,
-                          int num_before)
+                          int num_before, const kernels::Kernels* kernels)
     : base_(base), options_(options), prior_(prior), num_before_(num_before),
       problem_(options, prior, base.landmark_points().num_expression_coefficients())
 {
+    problem_.kernels = kernels;
     state_.alpha = prior.matrix.ldlt().solve(prior.vector);
     const double bound = options.max_coefficient;
     state_.alpha = state_.alpha.cwiseMax(-bound).cwiseMin(bound);
@@ -161,6 +169,54 @@ inline void JointFit::run()
         minimize(problem_, state_, is_last ? options_.max_iterations : 3, is_last ? options_.tolerance : 0.1, round,
                  progress_);
     }
+    shown_ = state_;
+    for (std::size_t f = 0; f < used_.size(); ++f) {
+        turn_by_depth(f);
+    }
+}
+
+/// After the minimum, so that identity and biases, of which depth says nothing, are what the image points say.
+inline void JointFit::turn_by_depth(std::size_t f)
+{
+    const std::vector<Landmark>& landmarks = images_[used_[f]].landmarks->landmarks;
+    if (options_.focal_length_px || options_.phi_sigma_per_mm ||
+        std::none_of(landmarks.begin(), landmarks.end(), [](const Landmark& l) { return l.depth_px.has_value(); })) {
+        return;
+    }
+    JointProblem alone(options_, prior_, problem_.num_own() - 6);
+    alone.images = {problem_.images[f]};
+    alone.moves_expressions_only = true;
+    JointImage& seen = alone.images.front();
+    JointState state{state_.alpha, 0.0, {state_.cameras[f]}, {state_.psi[f]}, {}};
+    const Eigen::Matrix3Xd shape = seen.points.at(state.alpha, state.psi.front());
+    const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
+    PairMoments all, with_depth;
+    int num_with_depth = 0;
+    for (std::size_t i = 0; i < seen.used.size(); ++i) {
+        const JointPoint& used = seen.used[i];
+        const Eigen::Index column = static_cast<Eigen::Index>(i);
+        const double weight =
+            robust_weight(options_.loss, problem_.squared_residual(f, column, state_, with_bias), used.num_dimensions) *
+            used.root.squaredNorm() / 2;
+        const std::optional<double> depth_px = landmarks[static_cast<std::size_t>(used.landmark_index)].depth_px;
+        const Eigen::Vector3d point(seen.image_points(0, column), seen.image_points(1, column), depth_px.value_or(0.0));
+        all.add(weight, shape.col(column), point);
+        if (depth_px && weight > 0) {
+            with_depth.add(weight, shape.col(column), point);
+            ++num_with_depth;
+        }
+    }
+    if (!turn_camera_by_depth(all, with_depth, num_with_depth, state.cameras.front())) {
+        return;
+    }
+    seen.points.mean += with_bias - shape; // biases are held
+    for (JointPoint& used : seen.used) {
+        used.bias_index = -1;
+    }
+    JointProgress progress;
+    minimize(alone, state, options_.max_iterations, options_.tolerance, 0, progress);
+    shown_.cameras[f] = state.cameras.front();
+    shown_.psi[f] = state.psi.front();
 }
 
 /// The covariance of the unknowns (K x K); rows of those held at a bound are 0.
@@ -171,9 +227,8 @@ inline void JointFit::run()
     problem.room(state, down, up);
     const std::vector<int> free = free_unknowns(system, down, up);
     const Eigen::Index size = system.gradient.size();
-    const Eigen::MatrixXd block = system.hessian(free, free);
     Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
-    covariance(free, free) = block.llt().solve(Eigen::MatrixXd::Identity(block.rows(), block.cols())).eval();
+    covariance(free, free) = inverse_of(block_of(system.hessian, free));
     return covariance;
 }
 
@@ -231,12 +286,12 @@ inline FitResult JointFit::fit_result(std::size_t f) const
     const Image& image = images_[used_[f]];
     const JointImage& seen = problem_.images[f];
     FitResult result = unfitted_result(image);
-    result.camera = state_.cameras[f];
+    result.camera = shown_.cameras[f];
     result.shape_coefficients = state_.alpha;
-    result.expression_coefficients = state_.psi[f];
+    result.expression_coefficients = shown_.psi[f];
     show_map_points(base_.landmark_points(), image.matcher.map_indices(), result);
     const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
-    const Eigen::Matrix3Xd shape = seen.points.at(state_.alpha, state_.psi[f]);
+    const Eigen::Matrix3Xd shape = seen.points.at(state_.alpha, shown_.psi[f]);
     double sum = 0;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         const JointPoint& used = seen.used[i];

@@ -5,6 +5,7 @@
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/identity_filter.hpp"
 #include "lineament/fit/robust_loss.hpp"
+#include "lineament/kernels/kernels.hpp"
 
 #include <Eigen/Core>
 
@@ -24,10 +25,11 @@ struct JointOptions
     double contour_along_sigma_mm = 12.0; ///< Added along a re-matched outline, >= 0: where on it a landmark lies says
                                           ///< little.
     std::map<std::string, Eigen::Matrix2d> covariances_mm = {}; ///< Of single landmarks, in their stead [mm^2].
-    std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use instead; empty: the only one, if any. It is
-                                     ///< split into noise and bias in the ratio of the options' variances.
+    std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use instead; empty: the only one, if any.
     double bias_sigma_mm = 2.0; ///< By how much, per axis, a detector's idea of a landmark differs from the model's
-                                ///< point in the same way in all images of a person; 0: not at all.
+                                ///< point in the same way in all images of a person; 0: not at all, nor where
+                                ///< LandmarkMap::noise_mm is used.
+    double bias_share = 0.5;    ///< Of the variance in LandmarkMap::noise_mm that is such a bias; (0, 1).
     RobustLoss loss = RobustLoss::student_t;
     double expression_sigma = 0.3; ///< Of the prior of each psi, > 0.
     double max_expression = 1.0;   ///< Upper bound of each psi, > 0.
@@ -104,8 +106,12 @@ struct JointFramesResult
 class JointFitter
 {
 public:
+    /// @param kernels  For the products J^T W J, most of the work, in single precision; they must outlive this.
+    ///                 nullptr: in double precision, with the instructions of the caller's flags. The answers differ by
+    ///                 less than the tolerance.
     /// @throws InvalidArgument as FaceFitter.
-    explicit JointFitter(MorphableModel model, std::string scheme = "ibug68", JointOptions options = {});
+    explicit JointFitter(MorphableModel model, std::string scheme = "ibug68", JointOptions options = {},
+                         const kernels::Kernels* kernels = nullptr);
 
     /// The face that explains the landmarks. Statuses and exceptions as of FaceFitter::fit.
     /// @param start           An earlier result with this model; nullptr: the mean face.
@@ -144,6 +150,7 @@ public:
 private:
     JointOptions options_;
     FaceFitter base_; ///< Landmark rows and outline, prepared.
+    const kernels::Kernels* kernels_;
 };
 
 /// Standard deviations (3 x V, mm, per coordinate, model space) of the neutral face under a covariance of its m or

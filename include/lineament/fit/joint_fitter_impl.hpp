@@ -29,6 +29,7 @@ LINEAMENT_FIT_INLINE void JointOptions::check() const
         detail::require_covariance(covariance, "JointOptions", "covariances_mm[\"" + name + "\"]");
     }
     require_not_negative(bias_sigma_mm, "bias_sigma_mm");
+    require(bias_share > 0 && bias_share < 1, "JointOptions", "bias_share", "between 0 and 1", to_text(bias_share));
     require_positive(expression_sigma, "expression_sigma");
     require_positive(max_expression, "max_expression");
     require_positive(max_coefficient, "max_coefficient");
@@ -60,8 +61,10 @@ namespace detail {
 
 } // namespace detail
 
-LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options)
-    : options_(std::move(options)), base_(std::move(model), std::move(scheme), detail::base_options(options_))
+LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options,
+                                              const kernels::Kernels* kernels)
+    : options_(std::move(options)), base_(std::move(model), std::move(scheme), detail::base_options(options_)),
+      kernels_(kernels)
 {}
 
 LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmarks,
@@ -72,7 +75,7 @@ LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmark
     const IdentityFilter none(num_shape_coefficients());
     const IdentityFilter& filter = earlier != nullptr ? *earlier : none;
     require_size(filter.state().vector.size(), num_shape_coefficients(), "JointFitter::fit", "earlier");
-    detail::JointFit fit(base_, options_, filter.state(), filter.num_images());
+    detail::JointFit fit(base_, options_, filter.state(), filter.num_images(), kernels_);
     fit.add_image(landmarks, principal_point_px, start, covariances_px);
     fit.run();
     return std::move(fit.result().frames.front());
@@ -87,7 +90,7 @@ LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
     require(covariances_px.empty() || covariances_px.size() == frames.size(), "JointFitter::fit_frames",
             "covariances_px", "none, or those of each image", std::to_string(covariances_px.size()));
     const IdentityFilter none(num_shape_coefficients());
-    detail::JointFit fit(base_, options_, none.state(), 0);
+    detail::JointFit fit(base_, options_, none.state(), 0, kernels_);
     for (std::size_t f = 0; f < frames.size(); ++f) {
         fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f],
                       covariances_px.empty() ? std::span<const Eigen::Matrix2d>() : covariances_px[f]);
@@ -105,7 +108,7 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
     require(num_earlier >= 0, "JointFitter::identity_information", "num_earlier", ">= 0", std::to_string(num_earlier));
     const Eigen::Index size = num_shape_coefficients();
     const IdentityInformation nothing{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
-    detail::JointFit fit(base_, options_, nothing, num_earlier);
+    detail::JointFit fit(base_, options_, nothing, num_earlier, nullptr);
     fit.add_image(landmarks, at.fit.camera.principal_point_px, &at.fit, covariances_px);
     return fit.identity_information(at);
 }

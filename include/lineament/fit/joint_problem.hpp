@@ -6,6 +6,7 @@
 #define LINEAMENT_FIT_JOINT_PROBLEM_HPP
 
 #include "lineament/fit/pose.hpp"
+#include "lineament/kernels/kernels.hpp"
 
 #include <Eigen/Core>
 
@@ -71,8 +72,10 @@ public:
     {}
 
     std::vector<JointImage> images = {};
-    Eigen::VectorXd bias_variances_mm = {}; ///< L, where there are biases [mm^2].
-    double reference_scale = 1.0;           ///< phi of the shared focal length is that of an image of this scale.
+    Eigen::VectorXd bias_variances_mm = {};    ///< L, where there are biases [mm^2].
+    double reference_scale = 1.0;              ///< phi of the shared focal length is that of an image of this scale.
+    bool moves_expressions_only = false;       ///< Everything else is held.
+    const kernels::Kernels* kernels = nullptr; ///< For J^T W J, in single precision; nullptr: in double precision.
 
     [[nodiscard]] Eigen::Index num_shape() const { return prior_.vector.size(); }
     [[nodiscard]] Eigen::Index num_shared() const { return num_shape() + has_phi(); }
@@ -115,7 +118,7 @@ public:
 private:
     [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }
     [[nodiscard]] double prior_energy(const JointState& state) const;
-    void set_phi(JointState& state) const;
+    [[nodiscard]] Eigen::MatrixXd gram_of(const Eigen::MatrixXd& rows) const;
     void add_image(std::size_t image, const JointState& state, JointSystem& system) const;
     void eliminate_biases(const JointState& state, JointSystem& system) const;
 

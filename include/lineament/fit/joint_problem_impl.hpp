@@ -6,6 +6,7 @@
 
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/pose_step_impl.hpp"
+#include "lineament/kernels/aligned_buffer.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -100,6 +101,26 @@ LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state) co
     return -camera.scale_px_per_mm * inverse_depth * inverse_depth * in_camera.z() * in_camera.head<2>();
 }
 
+/// rows rows^T. What single precision leaves out of it changes the way of a step, not where the steps end: the gradient
+/// is kept in double precision.
+LINEAMENT_FIT_INLINE Eigen::MatrixXd JointProblem::gram_of(const Eigen::MatrixXd& rows) const
+{
+    const Eigen::Index size = rows.rows();
+    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(size, size);
+    if (kernels == nullptr) {
+        gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
+    } else {
+        const int width = kernels::round_up(static_cast<int>(size), kernels::width_step);
+        kernels::AlignedBuffer<float> packed(static_cast<std::size_t>(width * rows.cols()));
+        kernels::AlignedBuffer<float> sum(static_cast<std::size_t>(width * width));
+        Eigen::Map<Eigen::MatrixXf>(packed.data(), width, rows.cols()).topRows(size) = rows.cast<float>();
+        kernels->add_gram(packed.data(), static_cast<int>(rows.cols()), width, sum.data());
+        gram = Eigen::Map<const Eigen::MatrixXf>(sum.data(), width, width).topLeftCorner(size, size).cast<double>();
+    }
+    gram.triangularView<Eigen::StrictlyUpper>() = gram.transpose();
+    return gram;
+}
+
 LINEAMENT_FIT_INLINE void JointProblem::add_image(std::size_t image, const JointState& state, JointSystem& system) const
 {
     const JointImage& seen = images[image];
@@ -145,9 +166,7 @@ LINEAMENT_FIT_INLINE void JointProblem::add_image(std::size_t image, const Joint
             system.bias_gradient.col(b).noalias() += by_bias.transpose() * residuals.segment<2>(2 * i);
         }
     }
-    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(size, size);
-    gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
-    gram.triangularView<Eigen::StrictlyUpper>() = gram.transpose();
+    Eigen::MatrixXd gram = gram_of(rows);
     const Eigen::VectorXd gradient = rows * residuals;
     const Eigen::Index begin = own_begin(image);
     system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
@@ -230,6 +249,14 @@ LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::Vec
     for (std::size_t f = 0; f < images.size(); ++f) {
         down.segment(own_begin(f) + 6, num_expressions_) = -state.psi[f];
         up.segment(own_begin(f) + 6, num_expressions_).array() = options_.max_expression - state.psi[f].array();
+        if (moves_expressions_only) {
+            down.segment<6>(own_begin(f)).setZero();
+            up.segment<6>(own_begin(f)).setZero();
+        }
+    }
+    if (moves_expressions_only) {
+        down.head(num_shared()).setZero();
+        up.head(num_shared()).setZero();
     }
 }
 

@@ -13,9 +13,15 @@
 
 namespace lineament::detail {
 
-/// The unknowns that a step may move: those not at a bound, or at one that the energy pushes them away from.
+/// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against.
 [[nodiscard]] std::vector<int> free_unknowns(const JointSystem& system, const Eigen::VectorXd& down,
                                              const Eigen::VectorXd& up);
+
+/// The block of those rows and columns.
+[[nodiscard]] Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices);
+
+/// Of a positive definite matrix.
+[[nodiscard]] Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& matrix);
 
 /// Sets n_f of every image, half the derivative of log det Lambda by its log s: the effective number of shape
 /// coefficients and free expressions that its landmarks determine.                       docs/joint-fit.md, Eq. (14)

@@ -20,12 +20,40 @@ LINEAMENT_FIT_INLINE std::vector<int> free_unknowns(const JointSystem& system, c
 {
     std::vector<int> free;
     for (Eigen::Index i = 0; i < system.gradient.size(); ++i) {
-        const bool is_held = (down[i] >= 0 && system.gradient[i] > 0) || (up[i] <= 0 && system.gradient[i] < 0);
-        if (!is_held) {
+        const bool is_low = down[i] >= 0;
+        const bool is_high = up[i] <= 0;
+        const double gradient = system.gradient[i];
+        if (!(is_low && (is_high || gradient > 0)) && !(is_high && gradient < 0)) {
             free.push_back(static_cast<int>(i));
         }
     }
     return free;
+}
+
+LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices)
+{
+    const std::size_t size = indices.size();
+    Eigen::MatrixXd block(size, size);
+    double* to = block.data();
+    for (std::size_t j = 0; j < size; ++j) { // several times as fast as an indexed view
+        const double* column = matrix.data() + matrix.rows() * indices[j];
+        for (std::size_t i = 0; i < size; ++i) {
+            *to++ = column[indices[i]];
+        }
+    }
+    return block;
+}
+
+LINEAMENT_FIT_INLINE Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& matrix)
+{
+    const Eigen::Index size = matrix.rows();
+    const Eigen::LLT<Eigen::MatrixXd> cholesky(matrix);
+    Eigen::MatrixXd root = Eigen::MatrixXd::Identity(size, size);
+    cholesky.matrixL().solveInPlace(root); // L^-1
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
+    inverse.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
+    inverse.triangularView<Eigen::StrictlyUpper>() = inverse.transpose();
+    return inverse;
 }
 
 /// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
@@ -37,7 +65,7 @@ LINEAMENT_FIT_INLINE std::vector<int> free_unknowns(const JointSystem& system, c
     std::vector<int> free = free_unknowns(system, down, up);
     while (!free.empty()) {
         const Eigen::VectorXd right_side = -system.gradient - system.hessian * step;
-        Eigen::MatrixXd block = system.hessian(free, free);
+        Eigen::MatrixXd block = block_of(system.hessian, free);
         block.diagonal() *= 1 + damping;
         const Eigen::VectorXd solved = block.llt().solve(Eigen::VectorXd(right_side(free)));
         std::vector<int> inside;
@@ -65,9 +93,8 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
     std::vector<int> linear = free_unknowns(system, down, up);
     std::erase_if(linear, [&](int i) { return problem.is_camera(i); });
     const Eigen::Index size = system.gradient.size();
-    const Eigen::MatrixXd block = system.hessian(linear, linear);
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse(linear, linear) = block.llt().solve(Eigen::MatrixXd::Identity(block.rows(), block.cols())).eval();
+    inverse(linear, linear) = inverse_of(block_of(system.hessian, linear));
     const Eigen::Index num_biases = state.bias.cols();
     Eigen::MatrixXd spread(num_biases > 0 ? size : 0, 3 * num_biases); // - covariance of the unknowns with the biases
     for (Eigen::Index b = 0; b < num_biases; ++b) {

@@ -32,7 +32,7 @@ struct FitReport
     ImageU8 overlay = {};   ///< The picture with every face drawn (draw_overlay); may be empty.
     std::string model_name = {};
     std::string program = {};                      ///< "lineament 0.1.0".
-    std::optional<double> focal_px = std::nullopt; ///< Focal length, if one was given.
+    std::optional<double> focal_px = std::nullopt; ///< Of a perspective camera.
     std::vector<FitReportFace> faces = {};         ///< May be empty: the page says that no face was found.
 };
 
