@@ -5,8 +5,8 @@
 // of the faces fitted to what they find?
 //
 //   bench/ict_heads.py FOLDER heads.safetensors       (ICT-FaceKit: modes of 100 scanned identities)
-//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--outline-mm 4]
-//   [--bias-percent 50] [--distance-mm 0] [--pictures FOLDER]
+//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--outline-mm 4] [--distance-mm 0]
+//   [--pictures FOLDER]
 //
 // The heads and first views are those of cross_model (scaled orthographic; --distance-mm: perspective); further views
 // of a head are drawn alike. The program paints and renders them, 640 x 480, and fits with default options: the true 68
@@ -217,10 +217,8 @@ public:
           num_views_(options.count("--views", 5, 1))
     {
         if (options.text("--method", "thesis") == "joint") {
-            JointOptions joint;
-            joint.bias_share = 0.01 * options.count("--bias-percent", 50, 1);
             joint_sparse_.emplace(model_, "ibug68");
-            joint_dense_.emplace(model_, "mediapipe478", joint);
+            joint_dense_.emplace(model_, "mediapipe478");
         }
         const int distance_mm = options.count("--distance-mm", 0, 0);
         const double phi_per_mm = distance_mm > 0 ? 1.0 / distance_mm : 0.0;
@@ -583,11 +581,10 @@ private:
 
 int main(int argc, char** argv)
 {
-    const lineament::bench::Options options(
-        argc, argv,
-        "rendered_heads heads.safetensors [--heads 400] [--views 5] [--method "
-        "thesis] [--outline-mm 4] [--bias-percent 50] [--distance-mm 0] [--pictures FOLDER]",
-        1);
+    const lineament::bench::Options options(argc, argv,
+                                            "rendered_heads heads.safetensors [--heads 400] [--views 5] [--method "
+                                            "thesis] [--outline-mm 4] [--distance-mm 0] [--pictures FOLDER]",
+                                            1);
     try {
         Bench(argv[1], options).run();
     } catch (const std::exception& error) {

@@ -20,7 +20,7 @@ struct ModelOptions
 {
     std::string model;          ///< File; empty: the default model.
     std::string level = "full"; ///< "full", or 0 (coarsest), 1, ...
-    std::string method = "thesis";
+    std::string method = "joint";
     std::string expression_set = "ekman6";
     std::string contour = "both";
     std::string prior = "model";

@@ -198,8 +198,6 @@ TEST(JointFitter, BrokenInputThrowsNamingWhatIsBroken)
     };
     expect_bad([](JointOptions& o) { o.landmark_sigma_mm = 0; }, "landmark_sigma_mm");
     expect_bad([](JointOptions& o) { o.bias_sigma_mm = -1; }, "bias_sigma_mm");
-    expect_bad([](JointOptions& o) { o.bias_share = 0; }, "bias_share");
-    expect_bad([](JointOptions& o) { o.bias_share = 1; }, "bias_share");
     expect_bad([](JointOptions& o) { o.contour_trim = 1; }, "contour_trim");
     expect_bad([](JointOptions& o) { o.rounds = 0; }, "rounds");
     expect_bad([](JointOptions& o) { o.tolerance = std::nan(""); }, "tolerance");

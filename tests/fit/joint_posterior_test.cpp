@@ -52,7 +52,8 @@ struct Round
             image.scale_strength = at[f].scale_strength;
             problem.images.push_back(image);
             state.cameras.push_back(at[f].fit.camera);
-            state.psi.push_back(at[f].fit.expression_coefficients);
+            const double scale = at[f].fit.camera.scale_px_per_mm / at[f].matched_scale_px_per_mm;
+            state.psi.push_back(scale * at[f].fit.expression_coefficients);
         }
         if (options.bias_sigma_mm > 0) {
             state.bias = Eigen::Matrix3Xd::Constant(3, base().landmark_map().num_landmarks(), 0.7);

@@ -63,7 +63,7 @@ private:
     JointProblem problem_; ///< Of the usable images only, in order.
     std::vector<std::size_t> used_ = {};
     JointState state_ = {}; ///< The minimum of the energy.
-    JointState shown_ = {}; ///< The same, with cameras and expressions turned by depth.
+    JointState shown_ = {}; ///< The same as a result: cameras and expressions after the turn by depth, psi at scale s.
     std::vector<double> matched_scales_ = {};
     JointProgress progress_ = {};
     double total_us_ = 0.0;
@@ -172,6 +172,10 @@ inline void JointFit::run()
     shown_ = state_;
     for (std::size_t f = 0; f < used_.size(); ++f) {
         turn_by_depth(f);
+        const double own_scale = matched_scales_[f] / shown_.cameras[f].scale_px_per_mm;
+        const double bound = options_.max_expression;
+        shown_.psi[f] =
+            shown_.psi[f].unaryExpr([&](double psi) { return psi < bound ? std::min(own_scale * psi, bound) : bound; });
     }
 }
 
@@ -188,7 +192,8 @@ inline void JointFit::turn_by_depth(std::size_t f)
     alone.moves_expressions_only = true;
     JointImage& seen = alone.images.front();
     JointState state{state_.alpha, 0.0, {state_.cameras[f]}, {state_.psi[f]}, {}};
-    const Eigen::Matrix3Xd shape = seen.points.at(state.alpha, state.psi.front());
+    const double own_scale = seen.matched_scale / state.cameras.front().scale_px_per_mm;
+    const Eigen::Matrix3Xd shape = seen.points.at(state.alpha, own_scale * state.psi.front());
     const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
     PairMoments all, with_depth;
     int num_with_depth = 0;
@@ -388,6 +393,7 @@ inline IdentityInformation JointFit::identity_information(const JointFitResult& 
     problem_.images[0].scale_strength = at.scale_strength;
     state_.alpha = at.fit.shape_coefficients;
     state_.cameras = {at.fit.camera};
+    state_.psi[0] *= at.fit.camera.scale_px_per_mm / at.matched_scale_px_per_mm;
     problem_.reference_scale = at.fit.camera.scale_px_per_mm;
     state_.phi_per_mm = at.fit.camera.phi_per_mm;
     const NoiseSharing noise{at.matched_scale_px_per_mm, 1, num_before_, false};

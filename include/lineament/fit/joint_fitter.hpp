@@ -25,11 +25,10 @@ struct JointOptions
     double contour_along_sigma_mm = 12.0; ///< Added along a re-matched outline, >= 0: where on it a landmark lies says
                                           ///< little.
     std::map<std::string, Eigen::Matrix2d> covariances_mm = {}; ///< Of single landmarks, in their stead [mm^2].
-    std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use instead; empty: the only one, if any.
+    std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use instead; empty: the only one, if any. It is
+                                     ///< split into noise and bias in the ratio of the options' variances.
     double bias_sigma_mm = 2.0; ///< By how much, per axis, a detector's idea of a landmark differs from the model's
-                                ///< point in the same way in all images of a person; 0: not at all, nor where
-                                ///< LandmarkMap::noise_mm is used.
-    double bias_share = 0.5;    ///< Of the variance in LandmarkMap::noise_mm that is such a bias; (0, 1).
+                                ///< point in the same way in all images of a person; 0: not at all.
     RobustLoss loss = RobustLoss::student_t;
     double expression_sigma = 0.3; ///< Of the prior of each psi, > 0.
     double max_expression = 1.0;   ///< Upper bound of each psi, > 0.

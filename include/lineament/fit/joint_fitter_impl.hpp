@@ -29,7 +29,6 @@ LINEAMENT_FIT_INLINE void JointOptions::check() const
         detail::require_covariance(covariance, "JointOptions", "covariances_mm[\"" + name + "\"]");
     }
     require_not_negative(bias_sigma_mm, "bias_sigma_mm");
-    require(bias_share > 0 && bias_share < 1, "JointOptions", "bias_share", "between 0 and 1", to_text(bias_share));
     require_positive(expression_sigma, "expression_sigma");
     require_positive(max_expression, "max_expression");
     require_positive(max_coefficient, "max_coefficient");

@@ -83,11 +83,12 @@ LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const std::vec
 LINEAMENT_FIT_INLINE double bias_variance_mm(const FaceFitter& base, const JointOptions& options, int map_index)
 {
     const double bias = options.bias_sigma_mm * options.bias_sigma_mm;
+    const double noise = options.landmark_sigma_mm * options.landmark_sigma_mm;
     const Eigen::VectorXf* stated = base.landmark_noise_mm();
-    if (bias == 0 || stated == nullptr || !std::isfinite((*stated)[map_index])) {
+    if (stated == nullptr || !std::isfinite((*stated)[map_index])) {
         return bias;
     }
-    return options.bias_share * (*stated)[map_index] * (*stated)[map_index];
+    return bias / (bias + noise) * (*stated)[map_index] * (*stated)[map_index];
 }
 
 LINEAMENT_FIT_INLINE void require_covariance(const Eigen::Matrix2d& covariance, const char* function,

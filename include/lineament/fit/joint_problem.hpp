@@ -40,8 +40,8 @@ struct JointState
     Eigen::VectorXd alpha = {};
     double phi_per_mm = 0.0; ///< Of the shared unknown focal length, at the problem's reference scale.
     std::vector<Camera> cameras = {};
-    std::vector<Eigen::VectorXd> psi = {};
-    Eigen::Matrix3Xd bias = {}; ///< 3 x L, mm at scale s_0, or empty.
+    std::vector<Eigen::VectorXd> psi = {}; ///< At scale s_0: times s_0 / s, those of a FitResult.
+    Eigen::Matrix3Xd bias = {};            ///< 3 x L, mm at scale s_0, or empty.
 };
 
 /// Half the gradient of the energy and half its Gauss-Newton matrix, landmark biases eliminated. The unknowns are

@@ -27,12 +27,13 @@ LINEAMENT_FIT_INLINE double prior_squares(const IdentityInformation& prior, cons
 LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
 {
     const JointImage& seen = images[image];
-    Eigen::Matrix3Xd shape = seen.points.at(state.alpha, state.psi[image]);
-    // A bias counts at the scale s_0: its size in the image must not tell how large the image of the head is.
-    const double bias_scale = seen.matched_scale / state.cameras[image].scale_px_per_mm;
+    // Expressions and biases count at the scale s_0: how large they are in the image must not tell how large the image
+    // of the head is.
+    const double own_scale = seen.matched_scale / state.cameras[image].scale_px_per_mm;
+    Eigen::Matrix3Xd shape = seen.points.at(state.alpha, own_scale * state.psi[image]);
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         if (seen.used[i].bias_index >= 0) {
-            shape.col(static_cast<Eigen::Index>(i)) += bias_scale * state.bias.col(seen.used[i].bias_index);
+            shape.col(static_cast<Eigen::Index>(i)) += own_scale * state.bias.col(seen.used[i].bias_index);
         }
     }
     return shape;
@@ -134,7 +135,8 @@ LINEAMENT_FIT_INLINE void JointProblem::add_image(std::size_t image, const Joint
     Eigen::VectorXd residuals(2 * num_points);
     Eigen::MatrixXd coupling = Eigen::MatrixXd::Zero(num_biases > 0 ? size : 0, 3 * num_biases);
     const double phi_by_shared = camera.scale_px_per_mm / reference_scale;
-    const double bias_scale = seen.matched_scale / camera.scale_px_per_mm;
+    const double own_scale = seen.matched_scale / camera.scale_px_per_mm;
+    const Eigen::Matrix3Xd moved_by_own = shape - seen.points.at(state.alpha, Eigen::VectorXd::Zero(num_expressions_));
 
     for (Eigen::Index i = 0; i < num_points; ++i) {
         const JointPoint& used = seen.used[static_cast<std::size_t>(i)];
@@ -151,16 +153,14 @@ LINEAMENT_FIT_INLINE void JointProblem::add_image(std::size_t image, const Joint
             columns.row(num_shape()) = (phi_by_shared * root * phi_jacobian(camera, point)).transpose();
         }
         Eigen::Matrix<double, 2, 6> by_camera = root * pose_jacobian(camera, point);
-        if (used.bias_index >= 0) {
-            by_camera.col(3) -= bias_scale * by_point * state.bias.col(used.bias_index);
-        }
+        by_camera.col(3) -= by_point * moved_by_own.col(i);
         columns.middleRows<6>(shared) = by_camera.transpose();
         columns.bottomRows(num_expressions_).noalias() =
-            seen.points.expression.middleCols<3>(3 * i) * by_point.transpose();
+            seen.points.expression.middleCols<3>(3 * i) * (own_scale * by_point.transpose());
         residuals.segment<2>(2 * i) = weight / root_curvature * residual;
         if (used.bias_index >= 0) {
             const Eigen::Index b = used.bias_index;
-            const Eigen::Matrix<double, 2, 3> by_bias = bias_scale * by_point;
+            const Eigen::Matrix<double, 2, 3> by_bias = own_scale * by_point;
             coupling.middleCols<3>(3 * b).noalias() += columns * by_bias;
             system.bias_blocks.middleCols<3>(3 * b).noalias() += by_bias.transpose() * by_bias;
             system.bias_gradient.col(b).noalias() += by_bias.transpose() * residuals.segment<2>(2 * i);

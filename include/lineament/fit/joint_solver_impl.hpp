@@ -107,12 +107,9 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
         const Eigen::Index begin = problem.own_begin(f);
         const Eigen::MatrixXd& gram = system.image_grams[f];
         double strength = gram.topLeftCorner(shared, shared).cwiseProduct(inverse.topLeftCorner(shared, shared)).sum();
-        strength += 2 * gram.bottomLeftCorner(own, shared).cwiseProduct(inverse.block(begin, 0, own, shared)).sum();
-        strength += gram.bottomRightCorner(own, own).cwiseProduct(inverse.block(begin, begin, own, own)).sum();
+        strength += gram.bottomLeftCorner(own, shared).cwiseProduct(inverse.block(begin, 0, own, shared)).sum();
         if (num_biases > 0) {
-            const Eigen::MatrixXd& coupling = system.image_couplings[f];
-            strength -= coupling.topRows(shared).cwiseProduct(spread.topRows(shared)).sum();
-            strength -= coupling.bottomRows(own).cwiseProduct(spread.middleRows(begin, own)).sum();
+            strength -= system.image_couplings[f].topRows(shared).cwiseProduct(spread.topRows(shared)).sum();
         }
         double& scale_strength = problem.images[f].scale_strength;
         system.gradient[begin + 3] += strength - scale_strength;
