@@ -29,6 +29,7 @@
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/model_file.hpp"
+#include "lineament/kernels/dispatched_kernels.hpp"
 #include "lineament/render/draw.hpp"
 #include "lineament/vision/face_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
@@ -217,8 +218,9 @@ public:
           num_views_(options.count("--views", 5, 1))
     {
         if (options.text("--method", "thesis") == "joint") {
-            joint_sparse_.emplace(model_, "ibug68");
-            joint_dense_.emplace(model_, "mediapipe478");
+            const kernels::Kernels& kernels = kernels::dispatched_kernels();
+            joint_sparse_.emplace(model_, "ibug68", JointOptions{}, &kernels);
+            joint_dense_.emplace(model_, "mediapipe478", JointOptions{}, &kernels);
         }
         const int distance_mm = options.count("--distance-mm", 0, 0);
         const double phi_per_mm = distance_mm > 0 ? 1.0 / distance_mm : 0.0;

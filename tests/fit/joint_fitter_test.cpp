@@ -198,6 +198,7 @@ TEST(JointFitter, BrokenInputThrowsNamingWhatIsBroken)
     };
     expect_bad([](JointOptions& o) { o.landmark_sigma_mm = 0; }, "landmark_sigma_mm");
     expect_bad([](JointOptions& o) { o.bias_sigma_mm = -1; }, "bias_sigma_mm");
+    expect_bad([](JointOptions& o) { o.bias_depth_ratio = 0.9; }, "bias_depth_ratio");
     expect_bad([](JointOptions& o) { o.contour_trim = 1; }, "contour_trim");
     expect_bad([](JointOptions& o) { o.rounds = 0; }, "rounds");
     expect_bad([](JointOptions& o) { o.tolerance = std::nan(""); }, "tolerance");
@@ -286,6 +287,7 @@ TEST(JointFitter, NoiseOfTheLandmarkMapIsSplitIntoNoiseAndBias)
 {
     Random random(156);
     JointOptions options; // sigma and bias 2 mm each
+    options.bias_depth_ratio = 1.0;
     options.contour = ContourMode::fixed;
     options.contour_sigma_mm = 2.0;
     const PlantedFace planted = plant_face_from_priors(random, 2.0);

@@ -58,6 +58,33 @@ TEST(JointFitter, MoreImagesKnowMoreButNotWhatIsCommonToAll)
     EXPECT_LT(ten_biased, ten_ignoring);
 }
 
+TEST(JointFitter, BiasOfStatedNoiseMayBeWiderInDepth)
+{
+    Random random(160);
+    MorphableModel model = synthetic_face();
+    LandmarkMap& map = model.landmark_maps[0];
+    map.noise_mm["network"] = Eigen::VectorXf::Constant(map.num_landmarks(), 2.0f); // 1.4 mm of it bias
+    const auto options_of = [](double ratio) {
+        JointOptions options = with_bias(2.0);
+        options.bias_depth_ratio = ratio;
+        return options;
+    };
+    const JointFitter knowing(model, "ibug68", options_of(8)), ignoring(model, "ibug68", options_of(1));
+    double with = 0, without = 0, one = 0;
+    for (int trial = 0; trial < 8; ++trial) {
+        const Planted planted = plant(random, 6, 1.4, 1.4, 0, 8);
+        with += neutral_distance_mm(knowing.fit_frames(planted.images, centre).shape_coefficients, planted.alpha);
+        without += neutral_distance_mm(ignoring.fit_frames(planted.images, centre).shape_coefficients, planted.alpha);
+        one += neutral_distance_mm(knowing.fit(planted.images[0], centre).fit.shape_coefficients, planted.alpha);
+    }
+    EXPECT_LT(with, 0.8 * without);
+    EXPECT_LT(with, one);
+    // The ratio does nothing where no noise is stated.
+    const Planted planted = plant(random, 3, 1.4);
+    EXPECT_EQ(JointFitter(synthetic_face(), "ibug68", options_of(8)).fit_frames(planted.images, centre).chi_square,
+              JointFitter(synthetic_face(), "ibug68", options_of(1)).fit_frames(planted.images, centre).chi_square);
+}
+
 TEST(JointFitter, BiasWidthDoesNotTellTheSizeOfTheHead)
 {
     // A width of 2 mm where there is no bias at all: the scale stays right.

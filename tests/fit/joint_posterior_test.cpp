@@ -57,8 +57,9 @@ struct Round
         }
         if (options.bias_sigma_mm > 0) {
             state.bias = Eigen::Matrix3Xd::Constant(3, base().landmark_map().num_landmarks(), 0.7);
-            problem.bias_variances_mm =
-                Eigen::VectorXd::Constant(state.bias.cols(), options.bias_sigma_mm * options.bias_sigma_mm);
+            const double variance = options.bias_sigma_mm * options.bias_sigma_mm;
+            problem.bias_variances_mm = Eigen::Matrix3Xd::Constant(3, state.bias.cols(), variance);
+            problem.bias_variances_mm.row(2) *= 4; // wider in depth
         }
         problem.reference_scale = state.cameras[0].scale_px_per_mm;
         state.phi_per_mm = state.cameras[0].phi_per_mm;
@@ -194,7 +195,7 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
         rows.topRows(num_shape) = points.identity;
         for (std::size_t i = 0; i < image.used.size(); ++i) {
             const Eigen::Index column = 3 * static_cast<Eigen::Index>(i);
-            rows.block<3, 3>(num_shape + 3 * image.used[i].bias_index, column).diagonal().setConstant(1.5);
+            rows.block<3, 3>(num_shape + 3 * image.used[i].bias_index, column).diagonal() << 1.5, 1.5, 3.0;
             image.used[i].bias_index = -1;
         }
         points.identity = rows;
@@ -218,7 +219,9 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
     EXPECT_GT((cross.transpose() * block.solve(cross)).norm(), 1); // the twin: they do matter
     const Eigen::VectorXd step = 0.01 * test::random_normal(random, round.problem.num_unknowns());
     const Eigen::Matrix3Xd moved = round.problem.moved(round.state, system, step).bias;
-    const Eigen::VectorXd expected_bias = -1.5 * block.solve(bias_gradient + cross * step);
+    const Eigen::VectorXd deviations = Eigen::Vector3d(1.5, 1.5, 3.0).replicate(num_biases / 3, 1);
+    const Eigen::VectorXd expected_bias =
+        -deviations.cwiseProduct(Eigen::VectorXd(block.solve(bias_gradient + cross * step)));
     EXPECT_THAT(Eigen::Map<const Eigen::VectorXd>(moved.data(), num_biases), IsNear(expected_bias, 1e-8));
 }
 

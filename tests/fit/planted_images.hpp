@@ -21,16 +21,19 @@ struct Planted
     std::vector<LandmarkSet> images;
 };
 
-/// Images of one person drawn from the priors; each landmark with an offset of its own in all images.
+/// Images of one person drawn from the priors; each landmark with an offset of its own in all images, along z the given
+/// times as wide.
 [[nodiscard]] inline Planted plant(Random& random, int num_images, double noise_px, double bias_mm = 0,
-                                   double phi_per_mm = 0)
+                                   double phi_per_mm = 0, double bias_depth_ratio = 1)
 {
     Planted planted;
     planted.alpha = random_normal(random, synthetic_face().shape.num_coefficients());
     MorphableModel biased = synthetic_face(); // a model whose mean has the landmarks' vertices moved
     const LandmarkMap& map = biased.landmark_maps[0];
     for (Eigen::Index l = 0; l < map.num_landmarks(); ++l) {
-        biased.shape.mean.segment<3>(3 * map.vertices(0, l)) += (bias_mm * random_normal(random, 3)).cast<float>();
+        Eigen::Vector3d offset = bias_mm * random_normal(random, 3);
+        offset.z() *= bias_depth_ratio;
+        biased.shape.mean.segment<3>(3 * map.vertices(0, l)) += offset.cast<float>();
     }
     for (int f = 0; f < num_images; ++f) {
         const Eigen::VectorXd psi = draw_expression(random);

@@ -153,9 +153,9 @@ inline void JointFit::run()
     if (num_images > 1 && options_.bias_sigma_mm > 0) {
         const Eigen::Index num_biases = base_.landmark_map().num_landmarks();
         state_.bias = Eigen::Matrix3Xd::Zero(3, num_biases);
-        problem_.bias_variances_mm.resize(num_biases);
+        problem_.bias_variances_mm.resize(3, num_biases);
         for (int b = 0; b < static_cast<int>(num_biases); ++b) {
-            problem_.bias_variances_mm[b] = bias_variance_mm(base_, options_, b);
+            problem_.bias_variances_mm.col(b) = bias_variances_mm(base_, options_, b);
         }
     }
     for (int round = 0; round < options_.rounds; ++round) {

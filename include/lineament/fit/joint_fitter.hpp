@@ -27,8 +27,11 @@ struct JointOptions
     std::map<std::string, Eigen::Matrix2d> covariances_mm = {}; ///< Of single landmarks, in their stead [mm^2].
     std::string noise_detector = {}; ///< Whose LandmarkMap::noise_mm to use instead; empty: the only one, if any. It is
                                      ///< split into noise and bias in the ratio of the options' variances.
-    double bias_sigma_mm = 2.0; ///< By how much, per axis, a detector's idea of a landmark differs from the model's
-                                ///< point in the same way in all images of a person; 0: not at all.
+    double bias_sigma_mm = 2.0;    ///< By how much, per axis, a detector's idea of a landmark differs from the model's
+                                   ///< point in the same way in all images of a person; 0: not at all.
+    double bias_depth_ratio = 5.0; ///< How many times as wide along z of model space, where noise_detector's noise is
+                                   ///< used; >= 1. A network that draws whole faces draws them of one depth: turned
+                                   ///< heads tell nothing of the person's.
     RobustLoss loss = RobustLoss::student_t;
     double expression_sigma = 0.3; ///< Of the prior of each psi, > 0.
     double max_expression = 1.0;   ///< Upper bound of each psi, > 0.

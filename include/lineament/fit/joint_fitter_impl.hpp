@@ -29,6 +29,8 @@ LINEAMENT_FIT_INLINE void JointOptions::check() const
         detail::require_covariance(covariance, "JointOptions", "covariances_mm[\"" + name + "\"]");
     }
     require_not_negative(bias_sigma_mm, "bias_sigma_mm");
+    require(std::isfinite(bias_depth_ratio) && bias_depth_ratio >= 1, "JointOptions", "bias_depth_ratio",
+            "a finite number >= 1", to_text(bias_depth_ratio));
     require_positive(expression_sigma, "expression_sigma");
     require_positive(max_expression, "max_expression");
     require_positive(max_coefficient, "max_coefficient");

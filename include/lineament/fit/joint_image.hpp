@@ -47,8 +47,9 @@ struct NoiseSharing
     bool has_bias = false;        ///< Points tied to their map point have a bias among the unknowns.
 };
 
-/// The variance [mm^2] of the bias of a landmark of the map: the options', or its share in the noise the map states.
-[[nodiscard]] double bias_variance_mm(const FaceFitter& base, const JointOptions& options, int map_index);
+/// The variances [mm^2], along the axes of model space, of the bias of a landmark of the map: the options', or its
+/// share in the noise the map states.
+[[nodiscard]] Eigen::Vector3d bias_variances_mm(const FaceFitter& base, const JointOptions& options, int map_index);
 
 /// Ties the landmarks of one image to model points, round by round, and gives them their weights.
 class JointImageMatcher
@@ -70,7 +71,8 @@ private:
     [[nodiscard]] std::vector<OutlineMatch> match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
                                                           const Eigen::VectorXd& psi);
     /// The noise of a landmark and, where that counts as noise, its bias: those stated for it, or the default.
-    [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_variance_mm, double bias_variance,
+    [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_variance_mm,
+                                                const Eigen::Vector3d& bias_variances, const Camera& camera,
                                                 const NoiseSharing& noise, bool has_bias) const;
     [[nodiscard]] bool is_outline(int landmark_index) const
     {

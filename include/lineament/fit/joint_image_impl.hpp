@@ -80,15 +80,17 @@ LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const std::vec
     return best;
 }
 
-LINEAMENT_FIT_INLINE double bias_variance_mm(const FaceFitter& base, const JointOptions& options, int map_index)
+LINEAMENT_FIT_INLINE Eigen::Vector3d bias_variances_mm(const FaceFitter& base, const JointOptions& options,
+                                                       int map_index)
 {
     const double bias = options.bias_sigma_mm * options.bias_sigma_mm;
     const double noise = options.landmark_sigma_mm * options.landmark_sigma_mm;
     const Eigen::VectorXf* stated = base.landmark_noise_mm();
     if (stated == nullptr || !std::isfinite((*stated)[map_index])) {
-        return bias;
+        return Eigen::Vector3d::Constant(bias);
     }
-    return bias / (bias + noise) * (*stated)[map_index] * (*stated)[map_index];
+    const double across = bias / (bias + noise) * (*stated)[map_index] * (*stated)[map_index];
+    return {across, across, options.bias_depth_ratio * options.bias_depth_ratio * across};
 }
 
 LINEAMENT_FIT_INLINE void require_covariance(const Eigen::Matrix2d& covariance, const char* function,
@@ -118,7 +120,8 @@ LINEAMENT_FIT_INLINE JointImageMatcher::JointImageMatcher(const FaceFitter& base
 }
 
 LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landmark_index, double default_variance_mm,
-                                                                      double bias_variance, const NoiseSharing& noise,
+                                                                      const Eigen::Vector3d& bias_variances,
+                                                                      const Camera& camera, const NoiseSharing& noise,
                                                                       bool has_bias) const
 {
     const double mm_sq = noise.scale_px_per_mm * noise.scale_px_per_mm; // [px^2/mm^2]
@@ -135,7 +138,8 @@ LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landma
     }
     // What F images say of a point with noise C and common offset T is (C / F + T)^-1. Shared out evenly that is C + F
     // T for each; one by one, image n adds what n have over n - 1.                        docs/joint-fit.md, Eq. (18)
-    const Eigen::Matrix2d common = mm_sq * bias_variance * unit;
+    const Eigen::Matrix<double, 2, 3> rows = camera.camera_from_model.topRows<2>();
+    const Eigen::Matrix2d common = mm_sq * rows * bias_variances.asDiagonal() * rows.transpose();
     if (noise.num_images > 1) {
         return own + noise.num_images * common;
     }
@@ -231,10 +235,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     for (const int l : use_.fixed) {
         const int map_index = use_.map_indices[l];
         const double sigma_mm = is_outline(l) ? options_.contour_sigma_mm : options_.landmark_sigma_mm;
-        const double bias_variance = bias_variance_mm(base_, options_, map_index);
+        const Eigen::Vector3d bias_variances = bias_variances_mm(base_, options_, map_index);
         const double variance =
-            stated != nullptr ? std::pow((*stated)[map_index], 2) - bias_variance : sigma_mm * sigma_mm;
-        add(l, noise.has_bias ? map_index : -1, 2, covariance_px(l, variance, bias_variance, noise, noise.has_bias));
+            stated != nullptr ? std::pow((*stated)[map_index], 2) - bias_variances.x() : sigma_mm * sigma_mm;
+        add(l, noise.has_bias ? map_index : -1, 2,
+            covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
     }
     ModelPoints ends =
         ModelPoints::sized(2, image.points.num_shape_coefficients(), image.points.num_expression_coefficients());
@@ -256,7 +261,8 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
         const double along_px = noise.scale_px_per_mm * options_.contour_along_sigma_mm;
         add(match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
             covariance_px(match.landmark_index, options_.contour_sigma_mm * options_.contour_sigma_mm,
-                          options_.bias_sigma_mm * options_.bias_sigma_mm, noise, false) +
+                          Eigen::Vector3d::Constant(options_.bias_sigma_mm * options_.bias_sigma_mm), camera, noise,
+                          false) +
                 along_px * along_px * tangent * tangent.transpose());
     }
 }

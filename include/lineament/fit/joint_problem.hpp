@@ -72,7 +72,7 @@ public:
     {}
 
     std::vector<JointImage> images = {};
-    Eigen::VectorXd bias_variances_mm = {};    ///< L, where there are biases [mm^2].
+    Eigen::Matrix3Xd bias_variances_mm = {};   ///< 3 x L, where there are biases, along x, y, z of model space [mm^2].
     double reference_scale = 1.0;              ///< phi of the shared focal length is that of an image of this scale.
     bool moves_expressions_only = false;       ///< Everything else is held.
     const kernels::Kernels* kernels = nullptr; ///< For J^T W J, in single precision; nullptr: in double precision.

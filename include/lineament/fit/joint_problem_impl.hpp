@@ -58,7 +58,7 @@ LINEAMENT_FIT_INLINE double JointProblem::prior_energy(const JointState& state) 
         energy += std::pow(state.phi_per_mm / *options_.phi_sigma_per_mm, 2);
     }
     if (state.bias.size() > 0) {
-        energy += state.bias.colwise().squaredNorm().transpose().cwiseQuotient(bias_variances_mm).sum();
+        energy += state.bias.cwiseAbs2().cwiseQuotient(bias_variances_mm).sum();
     }
     return energy;
 }
@@ -193,8 +193,8 @@ LINEAMENT_FIT_INLINE void JointProblem::eliminate_biases(const JointState& state
     Eigen::MatrixXd scaled(system.hessian.rows(), 3 * num_biases); // coupling times the inverse's root
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         Eigen::Matrix3d block = system.bias_blocks.middleCols<3>(3 * b);
-        block.diagonal().array() += 1 / bias_variances_mm[b];
-        system.bias_gradient.col(b) += state.bias.col(b) / bias_variances_mm[b];
+        block.diagonal() += bias_variances_mm.col(b).cwiseInverse();
+        system.bias_gradient.col(b) += state.bias.col(b).cwiseQuotient(bias_variances_mm.col(b));
         const Eigen::Matrix3d inverse = block.inverse();
         system.bias_inverse.middleCols<3>(3 * b) = inverse;
         const Eigen::Matrix3d root = inverse.llt().matrixL();
