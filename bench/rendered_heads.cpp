@@ -5,8 +5,8 @@
 // of the faces fitted to what they find?
 //
 //   bench/ict_heads.py FOLDER heads.safetensors       (ICT-FaceKit: modes of 100 scanned identities)
-//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--outline-mm 4] [--distance-mm 0]
-//   [--pictures FOLDER]
+//   rendered_heads heads.safetensors [--heads 400] [--views 5] [--method thesis] [--outline-mm 4] [--depth-ratio 5]
+//   [--distance-mm 0] [--pictures FOLDER]
 //
 // The heads and first views are those of cross_model (scaled orthographic; --distance-mm: perspective); further views
 // of a head are drawn alike. The program paints and renders them, 640 x 480, and fits with default options: the true 68
@@ -220,7 +220,9 @@ public:
         if (options.text("--method", "thesis") == "joint") {
             const kernels::Kernels& kernels = kernels::dispatched_kernels();
             joint_sparse_.emplace(model_, "ibug68", JointOptions{}, &kernels);
-            joint_dense_.emplace(model_, "mediapipe478", JointOptions{}, &kernels);
+            JointOptions dense;
+            dense.bias_depth_ratio = options.count("--depth-ratio", 5, 1);
+            joint_dense_.emplace(model_, "mediapipe478", dense, &kernels);
         }
         const int distance_mm = options.count("--distance-mm", 0, 0);
         const double phi_per_mm = distance_mm > 0 ? 1.0 / distance_mm : 0.0;
@@ -583,10 +585,11 @@ private:
 
 int main(int argc, char** argv)
 {
-    const lineament::bench::Options options(argc, argv,
-                                            "rendered_heads heads.safetensors [--heads 400] [--views 5] [--method "
-                                            "thesis] [--outline-mm 4] [--distance-mm 0] [--pictures FOLDER]",
-                                            1);
+    const lineament::bench::Options options(
+        argc, argv,
+        "rendered_heads heads.safetensors [--heads 400] [--views 5] [--method "
+        "thesis] [--outline-mm 4] [--depth-ratio 5] [--distance-mm 0] [--pictures FOLDER]",
+        1);
     try {
         Bench(argv[1], options).run();
     } catch (const std::exception& error) {
