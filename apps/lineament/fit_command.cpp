@@ -412,7 +412,7 @@ void protect_inputs(const Options& options, const std::vector<Job>& jobs)
 int run(const Options& options)
 {
     if (options.uncertainty && options.model.method != "joint") {
-        throw Failure(wrong_use, "--uncertainty needs --method joint: the thesis's method does not say how sure it is");
+        throw Failure(wrong_use, "--uncertainty is of --method joint: the thesis's method does not say how sure it is");
     }
     const std::vector<Job> jobs = collect_jobs(options.inputs, options.output, {".jpg", ".jpeg", ".png"});
     protect_inputs(options, jobs);
@@ -472,12 +472,12 @@ void add_fit_command(CLI::App& program, Action& action)
     command->add_flag("--no-obj", options->no_obj, "Do not write mesh.obj and mesh.mtl.");
     command->add_flag("--uncertainty", options->uncertainty,
                       "Write uncertainty.glb and .png too, the face coloured by each vertex's standard deviation, and "
-                      "show it in the report; with --method joint.");
+                      "show it in the report.");
     command->add_flag("--no-report", options->no_report, "Do not write report.html.");
     command->add_flag("--json", options->json, "A summary as JSON on stdout.");
     command->footer("Examples:\n  lineament fit portrait.jpg\n  lineament fit photos/ -o faces --ply\n"
                     "  lineament fit a.png --landmarks a.pts --method thesis --iterations 5\n"
-                    "  lineament fit --same-person a.jpg b.jpg c.jpg --method joint");
+                    "  lineament fit --same-person a.jpg b.jpg c.jpg --uncertainty");
     command->callback([&action, options] {
         options->files.obj = !options->no_obj;
         options->files.report = !options->no_report;

@@ -31,9 +31,9 @@ void add_model_options(CLI::App& command, ModelOptions& options)
     command.add_option("--level", options.level, "Resolution: full, or 0 (coarsest), 1, ...")->capture_default_str();
     command
         .add_option("--method", options.method,
-                    "How to fit: thesis (pose, identity and expression in turn) or joint (one energy for all of it, "
-                    "robust, with uncertainties).")
-        ->check(CLI::IsMember({"thesis", "joint"}))
+                    "How to fit: joint (one energy for pose, identity and expression, robust, with uncertainties) or "
+                    "thesis (one after the other).")
+        ->check(CLI::IsMember({"joint", "thesis"}))
         ->capture_default_str();
     command
         .add_option("--expressions", options.expression_set, "Expression set of the model: ekman6, arkit47, or none.")
@@ -45,16 +45,16 @@ void add_model_options(CLI::App& command, ModelOptions& options)
         ->check(CLI::IsMember({"ignored", "fixed", "front", "both"}))
         ->capture_default_str();
     command
-        .add_option("--iterations", options.iterations, "Rounds of outline matches; default: 5 (thesis) or 4 (joint).")
+        .add_option("--iterations", options.iterations, "Rounds of outline matches; default: 4 (joint) or 5 (thesis).")
         ->check(CLI::Range(1, 1000));
     command
         .add_option("--regularization", options.regularization,
-                    "Weight of the shape prior; default: 1, or 30 with the published prior.")
+                    "Weight of the shape prior, for --method thesis; default: 1, or 30 with the published prior.")
         ->check(CLI::NonNegativeNumber);
     command
         .add_option("--prior", options.prior,
-                    "Unit of the landmark noise: model (mm, independent of the image size), or published (weight 30 at "
-                    "a variance of 3 px^2, for comparisons).")
+                    "Unit of the landmark noise, for --method thesis: model (mm, independent of the image size), or "
+                    "published (weight 30 at a variance of 3 px^2, for comparisons).")
         ->check(CLI::IsMember({"model", "published"}))
         ->capture_default_str();
     command

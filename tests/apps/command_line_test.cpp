@@ -209,7 +209,7 @@ TEST(CommandLine, JointMethodStatesItsUncertainty)
 {
     const test::TemporaryFolder folder;
     save_synthetic_picture(folder, "face");
-    ASSERT_EQ(run(folder, "fit face.png --landmarks face.json --no-report --method joint").exit_code, 0);
+    ASSERT_EQ(run(folder, "fit face.png --landmarks face.json --no-report").exit_code, 0);
     const nlohmann::json face = nlohmann::json::parse(read_all(folder / "face/fit.json"))["faces"][0];
     EXPECT_NEAR(face["pose"]["yaw_deg"].get<double>(), 12.0, 1.5);
     ASSERT_EQ(face["shape_standard_deviations"].size(), face["shape_coefficients"].size());

@@ -136,7 +136,7 @@ TEST(FitOptions, ThePublishedPriorDependsOnTheSizeOfThePictureTheModelsDoesNot)
     save_png(folder / "large/face.png", ImageU8(1280, 960, 3, 128));
     save_landmarks(folder / "large/face.json", doubled, 1280, 960);
     const auto difference = [&](const std::string& prior) {
-        const std::string options = " --no-report --texture-size 16 --prior " + prior;
+        const std::string options = " --no-report --texture-size 16 --method thesis --prior " + prior;
         EXPECT_EQ(run(folder, "fit face.png --landmarks face.json" + options).exit_code, 0);
         EXPECT_EQ(run(folder, "fit large/face.png --landmarks large/face.json -o of_large" + options).exit_code, 0);
         const json small = json::parse(read_all(folder / "face/fit.json"))["faces"][0];
@@ -159,6 +159,29 @@ TEST(FitOptions, FocalLengthMakesThePoseThreeDimensional)
     // The scale of the picture at the head's distance: 1.6 px/mm = 1500 px / distance.
     EXPECT_NEAR(deep["pose"]["translation_mm"][2].get<double>(), 1500.0 / 1.6, 100.0);
     EXPECT_EQ(fit(folder, "--landmarks face.json --focal -5").exit_code, 2);
+}
+
+TEST(FitOptions, UnknownFocalLengthIsFitted)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face", 0.0025); // at 40 cm, by a camera of 1.6 px/mm / 0.0025 / mm
+    const json near = fitted_face(folder, "--landmarks face.json --focal unknown");
+    EXPECT_NEAR(near["camera"]["focal_px"].get<double>(), 640.0, 130.0);
+    EXPECT_NEAR(near["pose"]["translation_mm"][2].get<double>(), 400.0, 80.0);
+    EXPECT_NE(read_all(folder / "face/fit.json").find("joint"), std::string::npos);
+    EXPECT_TRUE(fitted_face(folder, "--landmarks face.json")["camera"]["focal_px"].is_null());
+    EXPECT_EQ(fit(folder, "--landmarks face.json --focal unknown --method thesis").exit_code, 2);
+    const Outcome outcome = fit(folder, "--landmarks face.json --focal near");
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_NE(outcome.error.find("unknown, got near"), std::string::npos) << outcome.error;
+}
+
+TEST(FitOptions, JointIsTheMethodUnlessAnotherIsAskedFor)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    EXPECT_EQ(fit_json(folder, "--landmarks face.json")["method"], "joint");
+    EXPECT_EQ(fit_json(folder, "--landmarks face.json --method thesis")["method"], "thesis");
 }
 
 TEST(FitOptions, ExpressionsAreThoseOfTheSetAskedFor)

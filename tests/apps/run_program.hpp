@@ -67,7 +67,7 @@ inline Camera camera_of_picture()
 }
 
 /// A grey picture, and landmarks of the default model's mean in it: <stem>.png and <stem>.json.
-inline void save_synthetic_picture(const TemporaryFolder& folder, const std::string& stem)
+inline void save_synthetic_picture(const TemporaryFolder& folder, const std::string& stem, double phi_per_mm = 0.0)
 {
     ImageU8 picture(640, 480, 3, 128);
     for (int row = 0; row < picture.height; ++row) {
@@ -78,8 +78,10 @@ inline void save_synthetic_picture(const TemporaryFolder& folder, const std::str
     save_png(folder / (stem + ".png"), picture);
     const MorphableModel model = load_model(default_model_path());
     Random random(11);
-    const LandmarkSet set = project_landmarks(model, "ibug68", Eigen::VectorXd::Zero(0), Eigen::VectorXd::Zero(0),
-                                              camera_of_picture(), 0.3, random);
+    Camera camera = camera_of_picture();
+    camera.phi_per_mm = phi_per_mm;
+    const LandmarkSet set =
+        project_landmarks(model, "ibug68", Eigen::VectorXd::Zero(0), Eigen::VectorXd::Zero(0), camera, 0.3, random);
     save_landmarks(folder / (stem + ".json"), set, picture.width, picture.height);
 }
 

@@ -154,6 +154,23 @@ TEST(Track, ATurningHeadThatLeavesAndComesBack)
     }
 }
 
+TEST(Track, AnUnknownFocalLengthIsOneForAllFrames)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4", 8);
+    const auto focal_px = [&](const std::string& options) {
+        const Outcome outcome = run(folder, "track clip.mp4 -o out --texture-size 128 " + options);
+        EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
+        check_files(folder / "out/clip");
+        return json::parse(read_all(folder / "out/clip/track.json"))["camera"]["focal_px"];
+    };
+    EXPECT_TRUE(focal_px("").is_null());
+    // The clip has no perspective, so the answer is a long one: the head farther away than 0.4 m.
+    const json found = focal_px("--focal unknown");
+    EXPECT_TRUE(found.is_null() || found.get<double>() > 400.0) << found;
+    EXPECT_EQ(run(folder, "track clip.mp4 -o out --focal unknown --method thesis").exit_code, 2);
+}
+
 TEST(Track, QuietSaysNothingButTheData)
 {
     const test::TemporaryFolder folder;
