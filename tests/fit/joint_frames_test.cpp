@@ -3,6 +3,7 @@
 //
 // The joint fit of several images of one person.
 #include "lineament/fit/joint_fitter.hpp"
+#include "lineament/kernels/scalar_kernels.hpp"
 
 #include "planted_images.hpp"
 #include "support/matchers.hpp"
@@ -12,6 +13,7 @@ namespace {
 
 using test::centre;
 using test::given;
+using test::IsNear;
 using test::neutral_distance_mm;
 using test::plant;
 using test::Planted;
@@ -56,6 +58,26 @@ TEST(JointFitter, MoreImagesKnowMoreButNotWhatIsCommonToAll)
     EXPECT_LT(ten, 0.6 * one);
     EXPECT_LT(ten_biased, one_biased);
     EXPECT_LT(ten_biased, ten_ignoring);
+}
+
+TEST(JointFitter, KernelsGiveTheSameFace)
+{
+    Random random(161);
+    for (const double bias_sigma_mm : {0.0, 2.0}) {
+        const Planted planted = plant(random, 4, 2.0, bias_sigma_mm);
+        const JointFitter plain(synthetic_face(), "ibug68", with_bias(bias_sigma_mm));
+        const JointFitter fast(synthetic_face(), "ibug68", with_bias(bias_sigma_mm), &kernels::scalar_kernels());
+        const JointFramesResult expected = plain.fit_frames(planted.images, centre);
+        const JointFramesResult result = fast.fit_frames(planted.images, centre);
+        EXPECT_LT(neutral_distance_mm(result.shape_coefficients, expected.shape_coefficients), 1e-3);
+        EXPECT_NE(result.shape_coefficients, expected.shape_coefficients); // the twin: they are used
+        EXPECT_THAT(result.shape_covariance, IsNear(expected.shape_covariance, 1e-4));
+        EXPECT_EQ(result.status, expected.status);
+        for (std::size_t f = 0; f < planted.images.size(); ++f) {
+            EXPECT_THAT(result.frames[f].fit.camera.camera_from_model,
+                        IsNear(expected.frames[f].fit.camera.camera_from_model, 1e-5));
+        }
+    }
 }
 
 TEST(JointFitter, BiasOfStatedNoiseMayBeWiderInDepth)
