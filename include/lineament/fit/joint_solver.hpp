@@ -23,8 +23,8 @@ namespace lineament::detail {
 /// Of a positive definite matrix.
 [[nodiscard]] Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& matrix);
 
-/// Sets n_f of every image, half the derivative of log det Lambda by its log s: the effective number of shape
-/// coefficients and free expressions that its landmarks determine.                       docs/joint-fit.md, Eq. (14)
+/// Sets n_f of every image, half the derivative of log det Lambda by its log s: its share in the effective number of
+/// shape coefficients that the landmarks determine.                                      docs/joint-fit.md, Eq. (14)
 void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system);
 
 struct JointProgress
