@@ -213,6 +213,29 @@ TEST(RealtimeFitter, AgreesWithFaceFitterWhereContourDecisionsDo)
     }
 }
 
+TEST(RealtimeFitter, DropsWhatTheHeadHidesAsFaceFitterDoes)
+{
+    Random random(74);
+    FitOptions options = with_contour(ContourMode::both);
+    options.contour_matching.occlusion_depth_mm = 5; // much is hidden then, and whole sides of the outline
+    options.contour_matching.max_distance_mm = 1e9;
+    options.iterations = 2;
+    Bench bench(face_model(), options);
+    options.contour_matching.occlusion_depth_mm = 1000;
+    Bench seeing_through(face_model(), options);
+    int num_with_hidden = 0;
+    int num_flipped = 0;
+    for (int trial = 0; trial < 100; ++trial) {
+        const Planted planted = plant(face_model(), random, 1.5, 60);
+        const FitResult& got = bench.fit(planted);
+        num_with_hidden += distance_um(face_model(), got, seeing_through.fit(planted)) > 1.0;
+        num_flipped += distance_um(face_model(), bench.result, bench.reference(planted)) > 1.0;
+    }
+    std::printf("hidden points change %d of 100 fits, %d differ from the reference\n", num_with_hidden, num_flipped);
+    EXPECT_GE(num_with_hidden, 25);
+    EXPECT_LE(num_flipped, 3);
+}
+
 TEST(RealtimeFitter, AgreesWithFaceFitterOnMissingAndUncertainLandmarks)
 {
     Random random(74);

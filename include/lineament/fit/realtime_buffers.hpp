@@ -10,7 +10,8 @@
 #include "lineament/kernels/aligned_buffer.hpp"
 #include "lineament/kernels/kernels.hpp"
 
-#include <algorithm>
+#include <Eigen/Core>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -25,9 +26,6 @@ using kernels::AlignedBuffer;
 
 /// Faces whose coefficients stay in the nearest cache, with a panel's columns.
 inline constexpr int batch_size = 32;
-
-/// Cells of DepthBuffer along each axis at most.
-inline constexpr int max_cells = 1024;
 
 /// Where the coordinates of points stand: x0 y0 z0 x1 ..., or all x, then all y, then all z, each padded to panels.
 enum class CoordinateOrder
@@ -74,6 +72,13 @@ struct ContourRegion
     std::vector<int> rows = {}; ///< Of each region vertex, into contour_rows; -1: at no edge.
 };
 
+/// Triangles of the coarsest level that lie together, and their vertices: where these begin and end.
+struct OccluderGroup
+{
+    int first_triangle, last_triangle; ///< Of RealtimePack::occluder_triangles; the last is not in it.
+    int first_vertex, last_vertex;     ///< Of RealtimePack::occluder_group_vertices, likewise.
+};
+
 /// Where a landmark of the map is found.
 struct MapEntry
 {
@@ -92,8 +97,9 @@ enum class PointSet
     candidates,
     left_region,
     right_region,
+    occluders,
 };
-inline constexpr int num_point_sets = 5;
+inline constexpr int num_point_sets = 6;
 
 /// A model in single precision, laid out for the kernels.
 struct RealtimePack
@@ -116,11 +122,9 @@ struct RealtimePack
 
     PointPanels candidates = {}; ///< Of both sides.
     PointPanels occluders = {};
-    PointRows occluder_rows = {};
-    std::vector<std::array<int, 3>> occluder_triangles = {};
-    std::vector<double> shape_reach = {};      ///< How far a unit of each coefficient moves any occluder [mm].
-    std::vector<double> expression_reach = {}; ///< Likewise.
-    double shape_norm = 0.0;                   ///< How far all of them together may, by their Euclidean norm [mm].
+    std::vector<std::array<int, 3>> occluder_triangles = {}; ///< Group by group.
+    std::vector<OccluderGroup> occluder_groups = {};
+    std::vector<int> occluder_group_vertices = {};
     std::array<ContourRegion, 2> regions = {}; ///< By FaceSide.
     PointRows contour_rows = {};
     std::vector<int> contour_vertices = {}; ///< Of these rows.
@@ -144,9 +148,11 @@ struct RealtimePack
         case PointSet::left_region:
             return regions[static_cast<int>(FaceSide::left)].vertices;
         case PointSet::right_region:
+            return regions[static_cast<int>(FaceSide::right)].vertices;
+        case PointSet::occluders:
             break;
         }
-        return regions[static_cast<int>(FaceSide::right)].vertices;
+        return occluders;
     }
 };
 
@@ -168,33 +174,12 @@ struct RealtimeMatch
     double information;
 };
 
-/// An octagon around the silhouette's points, and their greatest depth.
-struct SilhouetteExtent
+/// The cells in which ContourModel asks for depths, from the corner of the silhouette's box.
+struct DepthCells
 {
-    static constexpr float infinity = std::numeric_limits<float>::infinity();
-    float low_x = infinity, high_x = -infinity, low_y = infinity, high_y = -infinity;
-    float low_sum = infinity, high_sum = -infinity, low_difference = infinity, high_difference = -infinity;
-    float farthest = -infinity;
-
-    void add(float x, float y, float z)
-    {
-        low_x = std::min(low_x, x);
-        high_x = std::max(high_x, x);
-        low_y = std::min(low_y, y);
-        high_y = std::max(high_y, y);
-        low_sum = std::min(low_sum, x + y);
-        high_sum = std::max(high_sum, x + y);
-        low_difference = std::min(low_difference, x - y);
-        high_difference = std::max(high_difference, x - y);
-        farthest = std::max(farthest, z);
-    }
-};
-
-/// Where the silhouette's points of one range of y lie.
-struct SilhouetteBand
-{
-    std::uint64_t cells = 0; ///< A bit for each range of x that holds one.
-    float farthest = -std::numeric_limits<float>::infinity();
+    static constexpr float inverse_size = 1.0f / 2.0f;
+    float low_x = 0, low_y = 0;
+    int columns = 0, rows = 0;
 };
 
 struct OutlineLandmark
@@ -270,17 +255,12 @@ struct RealtimeBuffers
 
     AlignedBuffer<float> candidates = {};
     AlignedBuffer<float> region = {}, seen = {}; ///< Planar.
-    std::vector<unsigned char> is_facing = {}, is_marked = {}, is_hidden = {};
-    std::vector<int> silhouette = {}, silhouette_cells = {}, row_begins = {}, by_row = {};
-
-    /// Occluders of some shape seen before: all of them are evaluated only when the shape has moved far from it.
-    bool has_occluders = false;
-    std::vector<double> occluder_alpha = {}, occluder_psi = {};
-    AlignedBuffer<float> occluder_neutral = {}, occluders = {}, occluders_seen = {}; ///< Planar.
-    std::vector<int> outcodes = {};
-    std::vector<SilhouetteBand> bands = {};
-    std::vector<int> near_triangles = {}, near_slots = {}, near_vertices = {};
-    AlignedBuffer<float> near_neutral = {}, near_offset = {}, near_seen = {};
+    std::vector<unsigned char> is_facing = {}, is_marked = {};
+    std::vector<int> silhouette = {};
+    DepthCells depth_cells = {};
+    AlignedBuffer<float> occluders = {};
+    std::vector<Eigen::Array4f> occluders_seen = {};               ///< x, y and depth [mm].
+    std::vector<Eigen::Array4f> group_lows = {}, group_highs = {}; ///< Of each group the box.
     std::vector<double> projected_u = {}, projected_v = {}, squared_distances = {};
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};

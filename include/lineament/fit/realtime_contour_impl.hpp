@@ -9,10 +9,13 @@
 
 #include "lineament/camera/angles.hpp"
 
-namespace lineament::detail {
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+#include <utility>
 
-/// Height of the bands in which the silhouette's extent is gathered.
-inline constexpr float band_mm = 4.0f;
+namespace lineament::detail {
 
 inline void RealtimeFit::match_contour()
 {
@@ -109,8 +112,17 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
     const ContourOptions& options = fitter_.reference_.options().contour_matching;
     evaluate(side_name == FaceSide::left ? PointSet::left_region : PointSet::right_region, work_.region);
     find_silhouette(region);
+    if (work_.silhouette.empty()) {
+        return;
+    }
+    see_occluders();
 
     const int step = region.vertices.axis_step;
+    const float* seen_x = work_.seen.data();
+    const auto hidden = [&](int i) {
+        const float* seen = seen_x + work_.silhouette[i];
+        return is_hidden(seen[0], seen[step], seen[2 * step]);
+    };
     int count = 0;
     for (const int vertex : work_.silhouette) {
         const float* points = work_.region.data() + vertex;
@@ -120,12 +132,19 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
         work_.projected_rows[count] = region.rows[vertex];
         ++count;
     }
+    constexpr double infinity = std::numeric_limits<double>::infinity();
     const double max_distance_px = options.max_distance_mm * frame_.camera.scale_px_per_mm;
+    const auto is_near = [&](double squared) { return squared < infinity && std::sqrt(squared) <= max_distance_px; };
     const std::vector<OutlineLandmark>& outline = frame_.outline[side];
     if (options.occluding_match == OccludingMatch::landmark_to_silhouette) {
         for (const OutlineLandmark& landmark : outline) {
-            const auto [nearest, squared] = nearest_projected(work_, count, landmark.u, landmark.v);
-            if (nearest >= 0 && std::sqrt(squared) <= max_distance_px) {
+            // Hidden points are dropped when they are about to be matched: few are ever asked.
+            auto [nearest, squared] = nearest_projected(work_, count, landmark.u, landmark.v);
+            while (is_near(squared) && hidden(nearest)) {
+                work_.projected_u[nearest] = infinity;
+                std::tie(nearest, squared) = nearest_projected(work_, count, landmark.u, landmark.v);
+            }
+            if (is_near(squared)) {
                 add_match(landmark, work_.projected_rows[nearest]);
             }
         }
@@ -133,7 +152,7 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
     }
     for (int i = 0; i < count; ++i) {
         const OutlineLandmark* nearest = nullptr;
-        double least = std::numeric_limits<double>::infinity();
+        double least = infinity;
         for (const OutlineLandmark& landmark : outline) {
             const double du = landmark.u - work_.projected_u[i];
             const double dv = landmark.v - work_.projected_v[i];
@@ -142,7 +161,7 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
                 nearest = &landmark;
             }
         }
-        if (nearest != nullptr && std::sqrt(least) <= max_distance_px) {
+        if (is_near(least) && !hidden(i)) {
             add_match(*nearest, work_.projected_rows[i]);
         }
     }
@@ -159,7 +178,7 @@ inline void set_transform(const Camera& camera, float* transform)
     }
 }
 
-/// work_.silhouette: the region's vertices on the silhouette and not hidden, ascending.
+/// work_.silhouette: the region's vertices on the silhouette, hidden or not, ascending; and the cells around them.
 inline void RealtimeFit::find_silhouette(const ContourRegion& region)
 {
     const int step = region.vertices.axis_step;
@@ -169,252 +188,111 @@ inline void RealtimeFit::find_silhouette(const ContourRegion& region)
                               step);
     const float* x = work_.seen.data();
     const float* y = x + step;
-    for (std::size_t i = 0; i < region.triangles.size(); ++i) {
-        const auto& [a, b, c] = region.triangles[i];
-        work_.is_facing[i] = (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]) < 0; // y points down
+    unsigned char* is_facing = work_.is_facing.data(); // bytes may lie anywhere: hold on to where they do
+    for (const auto& [a, b, c] : region.triangles) {
+        *is_facing++ = (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]) < 0; // y points down
     }
-    std::fill_n(work_.is_marked.begin(), region.rows.size(), static_cast<unsigned char>(0));
+    is_facing = work_.is_facing.data();
+    unsigned char* is_marked = work_.is_marked.data();
+    const int count = static_cast<int>(region.rows.size());
+    std::fill_n(is_marked, count, static_cast<unsigned char>(0));
     for (const ContourRegion::Edge& edge : region.edges) {
-        if (work_.is_facing[edge.triangles[0]] != work_.is_facing[edge.triangles[1]]) {
-            work_.is_marked[edge.vertices[0]] = 1;
-            work_.is_marked[edge.vertices[1]] = 1;
+        if (is_facing[edge.triangles[0]] != is_facing[edge.triangles[1]]) {
+            is_marked[edge.vertices[0]] = 1;
+            is_marked[edge.vertices[1]] = 1;
         }
     }
-    work_.silhouette.clear();
-    for (int vertex = 0; vertex < static_cast<int>(region.rows.size()); ++vertex) {
-        if (work_.is_marked[vertex]) {
-            work_.silhouette.push_back(vertex);
-        }
+    work_.silhouette.resize(count);
+    int* end = work_.silhouette.data(); // without a branch on what cannot be foreseen
+    for (int vertex = 0; vertex < count; ++vertex) {
+        *end = vertex;
+        end += is_marked[vertex];
     }
-    if (!work_.silhouette.empty()) {
-        drop_hidden(step);
-    }
-}
-
-/// Brings work_.occluders within 6 mm of the present shape and returns how far any of them may be from it.
-inline float RealtimeFit::update_occluders()
-{
-    // By the triangle inequality over the coefficients, or by Cauchy and Schwarz; whichever says less.
-    double sum = 0;
-    double squares = 0;
-    for (int j = 0; j < pack_.num_shape; ++j) {
-        const double change = work_.alpha[j] - work_.occluder_alpha[j];
-        sum += std::abs(change) * pack_.shape_reach[j];
-        squares += change * change;
-    }
-    double moved_mm = std::min(sum, std::sqrt(squares) * pack_.shape_norm);
-    for (int j = 0; j < pack_.num_expressions; ++j) {
-        moved_mm += std::abs(frame_.psi[j] - work_.occluder_psi[j]) * pack_.expression_reach[j];
-    }
-    if (!work_.has_occluders || !(moved_mm < 6)) {
-        kernels_.combine_panels(pack_.occluders.mean.data(), pack_.occluders.identity.data(),
-                                pack_.occluders.num_panels, pack_.num_shape, work_.alpha_row.data(),
-                                work_.occluders.data());
-        kernels_.combine_panels(work_.occluders.data(), pack_.occluders.expression.data(), pack_.occluders.num_panels,
-                                pack_.num_expressions, work_.psi_row.data(), work_.occluders.data());
-        work_.occluder_alpha = work_.alpha;
-        work_.occluder_psi = frame_.psi;
-        work_.has_occluders = true;
-        moved_mm = 0;
-    }
-    return static_cast<float>(moved_mm) + 0.01f; // and more than rounding
-}
-
-/// Width of a band's cells: 64 of them hold the whole silhouette.
-[[nodiscard]] inline float band_cell_mm(float low_x, float high_x)
-{
-    return std::max(4.0f, (high_x - low_x) / 63.0f);
-}
-
-/// work_.near_triangles: the occluders that may hide one of the silhouette's points in the box, judged from where they
-/// were before they moved by at most `moved_mm`; their exact positions, x y z each, in work_.near_seen by slot.
-inline void RealtimeFit::find_near_triangles(float moved_mm, const SilhouetteExtent& extent)
-{
-    const float low_x = extent.low_x, high_x = extent.high_x, low_y = extent.low_y, high_y = extent.high_y;
-
-    const int step = pack_.occluders.axis_step;
-    const int count = pack_.occluders.num_points;
-    float transform[12];
-    set_transform(frame_.camera, transform);
-    const float depth_mm = static_cast<float>(fitter_.reference_.options().contour_matching.occlusion_depth_mm);
-    const float nearest = extent.farthest - depth_mm;
-    kernels_.transform_points(work_.occluders.data(), step, count, transform, work_.occluders_seen.data(), step);
-    const float* x = work_.occluders_seen.data();
-    const float* y = x + step;
-    const float* z = y + step;
-    int* outcodes = work_.outcodes.data();
-    const float left = low_x - moved_mm, right = high_x + moved_mm, top = low_y - moved_mm, bottom = high_y + moved_mm;
-    const float aslant_mm = 1.5f * moved_mm; // more than the root of two
-    const float low_sum = extent.low_sum - aslant_mm, high_sum = extent.high_sum + aslant_mm;
-    const float low_difference = extent.low_difference - aslant_mm;
-    const float high_difference = extent.high_difference + aslant_mm;
-    for (int i = 0; i < count; ++i) { // no triangle is near whose corners are all beyond one side of an octagon
-        const float sum = x[i] + y[i];
-        const float difference = x[i] - y[i];
-        outcodes[i] = (x[i] < left ? 1 : 0) | (x[i] > right ? 2 : 0) | (y[i] < top ? 4 : 0) | (y[i] > bottom ? 8 : 0) |
-                      (z[i] > nearest + moved_mm ? 16 : 0) | (sum < low_sum ? 32 : 0) | (sum > high_sum ? 64 : 0) |
-                      (difference < low_difference ? 128 : 0) | (difference > high_difference ? 256 : 0);
-    }
-    const int num_bands = static_cast<int>((high_y - low_y) / band_mm) + 1;
-    const auto to_band = [&](float distance) {
-        return static_cast<int>(std::clamp(distance / band_mm, 0.0f, static_cast<float>(num_bands - 1)));
-    };
-    const float cell_mm = band_cell_mm(low_x, high_x);
-    const auto to_cell = [&](float distance) { return static_cast<int>(std::clamp(distance / cell_mm, 0.0f, 63.0f)); };
-    // Lists grow without a branch on what is in them: neighbours in the list are not neighbours on the face.
-    int* near_triangles = work_.near_triangles.data();
-    int num_inside = 0;
-    for (int t = 0; t < static_cast<int>(pack_.occluder_triangles.size()); ++t) {
-        const auto& [a, b, c] = pack_.occluder_triangles[t];
-        near_triangles[num_inside] = t;
-        num_inside += (outcodes[a] & outcodes[b] & outcodes[c]) == 0;
-    }
-    num_near_triangles_ = 0;
-    for (int i = 0; i < num_inside; ++i) {
-        const int t = near_triangles[i];
-        const auto& [a, b, c] = pack_.occluder_triangles[t];
-        const float first_x = std::min(std::min(x[a], x[b]), x[c]) - moved_mm;
-        const float last_x = std::max(std::max(x[a], x[b]), x[c]) + moved_mm;
-        const float least_z = std::min(std::min(z[a], z[b]), z[c]) - moved_mm + depth_mm;
-        const int first_band = to_band(std::min(std::min(y[a], y[b]), y[c]) - moved_mm - low_y);
-        const int last_band = to_band(std::max(std::max(y[a], y[b]), y[c]) + moved_mm - low_y);
-        const std::uint64_t cells =
-            (~std::uint64_t{0} << to_cell(first_x - low_x)) & (~std::uint64_t{0} >> (63 - to_cell(last_x - low_x)));
-        int is_near = 0; // no branch in this loop
-        for (int band = first_band; band <= last_band; ++band) {
-            is_near |= int{(cells & work_.bands[band].cells) != 0} & int{least_z < work_.bands[band].farthest};
-        }
-        near_triangles[num_near_triangles_] = t;
-        num_near_triangles_ += is_near;
-    }
-    for (const int vertex : work_.near_vertices) {
-        work_.near_slots[vertex] = -1;
-    }
-    work_.near_vertices.clear();
-    for (int i = 0; i < num_near_triangles_; ++i) {
-        for (const int vertex : pack_.occluder_triangles[near_triangles[i]]) {
-            if (work_.near_slots[vertex] < 0) {
-                work_.near_slots[vertex] = static_cast<int>(work_.near_vertices.size());
-                work_.near_vertices.push_back(vertex);
-            }
-        }
-    }
-    const int num_near = static_cast<int>(work_.near_vertices.size());
-    kernels_.multiply_rows(pack_.occluder_rows.identity.data(), pack_.shape_width, work_.near_vertices.data(), num_near,
-                           work_.alpha_row.data(), work_.near_neutral.data());
-    kernels_.multiply_rows(pack_.occluder_rows.expression.data(), pack_.expression_width, work_.near_vertices.data(),
-                           num_near, work_.psi_row.data(), work_.near_offset.data());
-    for (int i = 0; i < num_near; ++i) {
-        float point[3];
-        for (int axis = 0; axis < 3; ++axis) {
-            point[axis] = pack_.occluder_rows.mean[3 * work_.near_vertices[i] + axis] +
-                          work_.near_neutral[3 * i + axis] + work_.near_offset[3 * i + axis];
-        }
-        for (int axis = 0; axis < 3; ++axis) {
-            const float* row = transform + 4 * axis;
-            work_.near_seen[3 * i + axis] = row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3];
-        }
-    }
-}
-
-/// What DepthBuffer decides, asked only at the cells of silhouette vertices: a triangle is drawn where one of these is.
-inline void RealtimeFit::drop_hidden(int step)
-{
-    constexpr float inverse_cell = 1.0f / 2.0f;
-    const float depth_mm = static_cast<float>(fitter_.reference_.options().contour_matching.occlusion_depth_mm);
-    const float* x = work_.seen.data();
-    const float* y = x + step;
-    const float* z = y + step;
-    SilhouetteExtent extent;
-    for (const int vertex : work_.silhouette) {
-        extent.add(x[vertex], y[vertex], z[vertex]);
-    }
-    const float low_x = extent.low_x, high_x = extent.high_x, low_y = extent.low_y, high_y = extent.high_y;
-    const int columns = static_cast<int>(std::min((high_x - low_x) * inverse_cell + 1, static_cast<float>(max_cells)));
-    const int rows = static_cast<int>(std::min((high_y - low_y) * inverse_cell + 1, static_cast<float>(max_cells)));
-
-    // The silhouette by rows of cells, and its extent by bands.
-    const int count = static_cast<int>(work_.silhouette.size());
-    const int num_bands = static_cast<int>((high_y - low_y) / band_mm) + 1;
-    if (num_bands > max_cells) {
-        return; // 4 m: no face
-    }
-    std::fill_n(work_.bands.begin(), num_bands, SilhouetteBand{});
-    const float cell_mm = band_cell_mm(low_x, high_x);
-    int* cells = work_.silhouette_cells.data(); // column, row; -1: outside, never hidden
-    int* begins = work_.row_begins.data();
-    std::fill_n(begins, rows + 2, 0);
-    for (int i = 0; i < count; ++i) {
-        const int vertex = work_.silhouette[i];
-        const int column = static_cast<int>((x[vertex] - low_x) * inverse_cell);
-        const int row = static_cast<int>((y[vertex] - low_y) * inverse_cell);
-        const bool is_inside = column < columns && row < rows;
-        cells[2 * i] = column;
-        cells[2 * i + 1] = is_inside ? row : -1;
-        if (is_inside) {
-            ++begins[row + 2];
-        }
-        SilhouetteBand& band = work_.bands[static_cast<int>((y[vertex] - low_y) / band_mm)];
-        band.cells |= std::uint64_t{1} << static_cast<int>(std::min((x[vertex] - low_x) / cell_mm, 63.0f));
-        band.farthest = std::max(band.farthest, z[vertex]);
-    }
-    // A point is judged at its cell's centre, less than a cell away.
-    find_near_triangles(update_occluders() + 1 / inverse_cell, extent);
-    if (num_near_triangles_ == 0) {
+    work_.silhouette.resize(end - work_.silhouette.data());
+    if (work_.silhouette.empty()) {
         return;
     }
-    for (int row = 2; row < rows + 2; ++row) {
-        begins[row] += begins[row - 1];
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    float low_x = infinity, high_x = -infinity, low_y = infinity, high_y = -infinity;
+    for (const int vertex : work_.silhouette) {
+        low_x = std::min(low_x, x[vertex]);
+        high_x = std::max(high_x, x[vertex]);
+        low_y = std::min(low_y, y[vertex]);
+        high_y = std::max(high_y, y[vertex]);
     }
-    for (int i = 0; i < count; ++i) {
-        if (cells[2 * i + 1] >= 0) {
-            work_.by_row[begins[cells[2 * i + 1] + 1]++] = i;
-        }
-    }
-    std::fill_n(work_.is_hidden.begin(), count, static_cast<unsigned char>(0));
-    const auto to_cell = [](float value, int limit) {
-        return static_cast<int>(std::clamp(value + 0.5f, 0.0f, static_cast<float>(limit)));
+    const auto num_cells = [](float length) {
+        return static_cast<int>(std::min(length * DepthCells::inverse_size + 1, 1024.0f)); // as many as DepthBuffer's
     };
-    for (int near = 0; near < num_near_triangles_; ++near) {
-        const int t = work_.near_triangles[near];
-        const float* a = work_.near_seen.data() + 3 * work_.near_slots[pack_.occluder_triangles[t][0]];
-        const float* b = work_.near_seen.data() + 3 * work_.near_slots[pack_.occluder_triangles[t][1]];
-        const float* c = work_.near_seen.data() + 3 * work_.near_slots[pack_.occluder_triangles[t][2]];
-        const float ax = (a[0] - low_x) * inverse_cell, ay = (a[1] - low_y) * inverse_cell;
-        const float bx = (b[0] - low_x) * inverse_cell, by = (b[1] - low_y) * inverse_cell;
-        const float cx = (c[0] - low_x) * inverse_cell, cy = (c[1] - low_y) * inverse_cell;
-        const float area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
-        if (area == 0) {
+    work_.depth_cells = {low_x, low_y, num_cells(high_x - low_x), num_cells(high_y - low_y)};
+}
+
+/// Where the coarsest level is seen, and the boxes of its groups of triangles.
+inline void RealtimeFit::see_occluders()
+{
+    evaluate(PointSet::occluders, work_.occluders);
+    float transform[12];
+    set_transform(frame_.camera, transform);
+    const Eigen::Map<const Eigen::Matrix<float, 4, 3>> columns(transform); // transposed: a row of the camera each
+    const auto column = [&](int c) { return Eigen::Array4f(columns(c, 0), columns(c, 1), columns(c, 2), 0.0f); };
+    const Eigen::Array4f of_x = column(0), of_y = column(1), of_z = column(2), shift = column(3);
+    for (int i = 0; i < pack_.occluders.num_points; ++i) {
+        const float* point = work_.occluders.data() + 3 * i;
+        work_.occluders_seen[i] = of_x * point[0] + of_y * point[1] + of_z * point[2] + shift;
+    }
+    for (std::size_t g = 0; g < pack_.occluder_groups.size(); ++g) {
+        const OccluderGroup& group = pack_.occluder_groups[g];
+        Eigen::Array4f low = work_.occluders_seen[pack_.occluder_group_vertices[group.first_vertex]];
+        Eigen::Array4f high = low;
+        for (int at = group.first_vertex + 1; at < group.last_vertex; ++at) {
+            const Eigen::Array4f& seen = work_.occluders_seen[pack_.occluder_group_vertices[at]];
+            low = low.min(seen);
+            high = high.max(seen);
+        }
+        work_.group_lows[g] = low;
+        work_.group_highs[g] = high;
+    }
+}
+
+/// Whether DepthBuffer would have a depth more than occlusion_depth_mm in front of this point of the silhouette:
+/// whether a triangle of the coarsest level has, at the centre of the point's cell.
+inline bool RealtimeFit::is_hidden(float x, float y, float depth) const
+{
+    const DepthCells& cells = work_.depth_cells;
+    const int column = static_cast<int>((x - cells.low_x) * DepthCells::inverse_size);
+    const int row = static_cast<int>((y - cells.low_y) * DepthCells::inverse_size);
+    if (column >= cells.columns || row >= cells.rows) {
+        return false;
+    }
+    const float px = static_cast<float>(column) + 0.5f, py = static_cast<float>(row) + 0.5f;
+    const float limit = depth - static_cast<float>(fitter_.reference_.options().contour_matching.occlusion_depth_mm);
+    // Boxes a little wider than they are, so that rounding loses none.
+    const float centre_x = cells.low_x + px / DepthCells::inverse_size;
+    const float centre_y = cells.low_y + py / DepthCells::inverse_size;
+    const Eigen::Array4f above(centre_x + 0.01f, centre_y + 0.01f, limit + 0.01f, 1.0f);
+    const Eigen::Array4f below(centre_x - 0.01f, centre_y - 0.01f, -std::numeric_limits<float>::infinity(), -1.0f);
+    for (std::size_t g = 0; g < pack_.occluder_groups.size(); ++g) {
+        if ((work_.group_lows[g] > above).any() || (work_.group_highs[g] < below).any()) {
             continue;
         }
-        const int left = to_cell(std::min({ax, bx, cx}), columns);
-        const int right = to_cell(std::max({ax, bx, cx}), columns);
-        const int top = to_cell(std::min({ay, by, cy}), rows);
-        const int bottom = to_cell(std::max({ay, by, cy}), rows);
-        const float inverse_area = 1.0f / area;
-        for (int at = begins[top]; at < begins[bottom]; ++at) {
-            const int i = work_.by_row[at];
-            const int column = cells[2 * i];
-            if (column < left || column >= right || work_.is_hidden[i]) {
-                continue;
-            }
-            const float px = static_cast<float>(column) + 0.5f;
-            const float py = static_cast<float>(cells[2 * i + 1]) + 0.5f;
+        for (int t = pack_.occluder_groups[g].first_triangle; t < pack_.occluder_groups[g].last_triangle; ++t) {
+            const Eigen::Array4f& a = work_.occluders_seen[pack_.occluder_triangles[t][0]];
+            const Eigen::Array4f& b = work_.occluders_seen[pack_.occluder_triangles[t][1]];
+            const Eigen::Array4f& c = work_.occluders_seen[pack_.occluder_triangles[t][2]];
+            const auto to_cells = [](float value, float low) { return (value - low) * DepthCells::inverse_size; };
+            const float ax = to_cells(a.x(), cells.low_x), ay = to_cells(a.y(), cells.low_y);
+            const float bx = to_cells(b.x(), cells.low_x), by = to_cells(b.y(), cells.low_y);
+            const float cx = to_cells(c.x(), cells.low_x), cy = to_cells(c.y(), cells.low_y);
+            const float area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
+            const float inverse_area = 1.0f / area;
             const float of_b = ((px - ax) * (cy - ay) - (py - ay) * (cx - ax)) * inverse_area;
             const float of_c = ((bx - ax) * (py - ay) - (by - ay) * (px - ax)) * inverse_area;
-            if (of_b >= 0 && of_c >= 0 && of_b + of_c <= 1) {
-                const float depth = a[2] + of_b * (b[2] - a[2]) + of_c * (c[2] - a[2]);
-                work_.is_hidden[i] = depth < z[work_.silhouette[i]] - depth_mm;
+            if (area != 0 && of_b >= 0 && of_c >= 0 && of_b + of_c <= 1 &&
+                a.z() + of_b * (b.z() - a.z()) + of_c * (c.z() - a.z()) < limit) {
+                return true;
             }
         }
     }
-    int kept = 0;
-    for (int i = 0; i < count; ++i) {
-        if (!work_.is_hidden[i]) {
-            work_.silhouette[kept++] = work_.silhouette[i];
-        }
-    }
-    work_.silhouette.resize(kept);
+    return false;
 }
 
 } // namespace lineament::detail

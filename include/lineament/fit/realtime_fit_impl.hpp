@@ -60,9 +60,8 @@ private:
     void match_candidates(FaceSide side);
     void match_silhouette(FaceSide side);
     void find_silhouette(const ContourRegion& region);
-    void drop_hidden(int step);
-    [[nodiscard]] float update_occluders();
-    void find_near_triangles(float moved_mm, const SilhouetteExtent& extent);
+    void see_occluders();
+    [[nodiscard]] bool is_hidden(float x, float y, float depth) const;
     void add_match(const OutlineLandmark& landmark, int row);
 
     void set_scale();
@@ -103,7 +102,6 @@ private:
 
     FitStatus identity_status_ = FitStatus::success;
     std::string identity_reason_ = {};
-    int num_near_triangles_ = 0;
 };
 
 inline bool RealtimeFit::read_landmarks()
@@ -292,8 +290,9 @@ inline const float* RealtimeFit::neutral(PointSet set)
     float* points = work_.neutral.points[index].data();
     if (!work_.neutral.is_known[index]) {
         const PointPanels& panels = pack_.panels(set);
-        kernels_.combine_panels(panels.mean.data(), panels.identity.data(), panels.num_panels, pack_.num_shape,
-                                work_.alpha_row.data(), points);
+        const bool is_mean = std::all_of(work_.alpha.begin(), work_.alpha.end(), [](double a) { return a == 0; });
+        kernels_.combine_panels(panels.mean.data(), panels.identity.data(), panels.num_panels,
+                                is_mean ? 0 : pack_.num_shape, work_.alpha_row.data(), points);
         work_.neutral.is_known[index] = true;
     }
     return points;

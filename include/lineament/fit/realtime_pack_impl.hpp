@@ -8,6 +8,8 @@
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/realtime_buffers.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -122,17 +124,39 @@ inline void shorten_panels(const AlignedBuffer<float>& panels, int num_columns, 
     }
 }
 
-/// Of each coefficient: the longest of its columns' 3-vectors.
-[[nodiscard]] inline std::vector<double> reach_of(const Eigen::MatrixXd& columns)
+/// Puts the triangles in groups of at most 16 by halves of the longest side of their centres' box, and these in order.
+/// @param triangles  Of the face `vertices`; those to be grouped come in [begin, end).
+inline void group_occluders(const Eigen::Matrix3Xd& vertices, std::size_t begin, std::size_t end, RealtimePack& pack)
 {
-    std::vector<double> reach(static_cast<std::size_t>(columns.rows()), 0.0);
-    for (Eigen::Index i = 0; 3 * i < columns.cols(); ++i) {
-        for (Eigen::Index j = 0; j < columns.rows(); ++j) {
-            const double length = std::hypot(columns(j, 3 * i), columns(j, 3 * i + 1), columns(j, 3 * i + 2));
-            reach[static_cast<std::size_t>(j)] = std::max(reach[static_cast<std::size_t>(j)], length);
+    using Triangle = std::array<int, 3>;
+    const auto first = pack.occluder_triangles.begin() + static_cast<std::ptrdiff_t>(begin);
+    const auto last = pack.occluder_triangles.begin() + static_cast<std::ptrdiff_t>(end);
+    if (end - begin <= 16) {
+        std::vector<int> corners;
+        for (auto triangle = first; triangle != last; ++triangle) {
+            corners.insert(corners.end(), triangle->begin(), triangle->end());
         }
+        sort_unique(corners);
+        const int first_vertex = static_cast<int>(pack.occluder_group_vertices.size());
+        pack.occluder_group_vertices.insert(pack.occluder_group_vertices.end(), corners.begin(), corners.end());
+        pack.occluder_groups.push_back({static_cast<int>(begin), static_cast<int>(end), first_vertex,
+                                        static_cast<int>(pack.occluder_group_vertices.size())});
+        return;
     }
-    return reach;
+    const auto centre_of = [&](const Triangle& t) -> Eigen::Vector3d {
+        return (vertices.col(t[0]) + vertices.col(t[1]) + vertices.col(t[2])) / 3;
+    };
+    Eigen::AlignedBox3d box;
+    for (auto triangle = first; triangle != last; ++triangle) {
+        box.extend(centre_of(*triangle));
+    }
+    Eigen::Index axis = 0;
+    box.sizes().maxCoeff(&axis);
+    const std::size_t middle = (begin + end) / 2;
+    std::nth_element(first, first + static_cast<std::ptrdiff_t>(middle - begin), last,
+                     [&](const Triangle& a, const Triangle& b) { return centre_of(a)[axis] < centre_of(b)[axis]; });
+    group_occluders(vertices, begin, middle, pack);
+    group_occluders(vertices, middle, end, pack);
 }
 
 /// Adds the silhouette regions and candidates to a pack.
@@ -150,20 +174,13 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     }
     pack.has_contour = true;
     const ModelPoints occluder_points = points_of(occluders);
-    pack.occluders = make_panels(occluder_points, CoordinateOrder::planar);
-    pack.occluder_rows = make_rows(occluder_points, pack.shape_width, pack.expression_width);
-    pack.shape_reach = reach_of(occluder_points.identity);
-    for (Eigen::Index i = 0; i < occluder_points.num_points(); ++i) {
-        double squares = 0;
-        for (const double entry : occluder_points.identity.middleCols<3>(3 * i).reshaped()) {
-            squares += entry * entry;
-        }
-        pack.shape_norm = std::max(pack.shape_norm, std::sqrt(squares));
-    }
-    pack.expression_reach = reach_of(occluder_points.expression);
+    pack.occluders = make_panels(occluder_points, CoordinateOrder::interleaved);
     const Eigen::Matrix3Xi& drawn = contour.occluder_triangles();
     for (Eigen::Index t = 0; t < drawn.cols(); ++t) {
         pack.occluder_triangles.push_back({drawn(0, t), drawn(1, t), drawn(2, t)});
+    }
+    if (!pack.occluder_triangles.empty()) {
+        group_occluders(occluder_points.mean, 0, pack.occluder_triangles.size(), pack);
     }
     std::vector<int> row_of_vertex(static_cast<std::size_t>(model.num_vertices()), -1);
     std::vector<int> row_vertices;
@@ -373,34 +390,20 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
         region_size = std::max(region_size, region.vertices.size());
     }
     const std::size_t num_projected = std::max(num_seen, static_cast<std::size_t>(pack.candidates.num_points));
-    const std::size_t num_occluders = static_cast<std::size_t>(pack.occluders.num_points);
     buffers.candidates = AlignedBuffer<float>(pack.candidates.size());
     buffers.region = AlignedBuffer<float>(region_size);
     buffers.seen = AlignedBuffer<float>(region_size);
     buffers.is_facing.resize(num_triangles);
     buffers.is_marked.resize(num_seen);
-    buffers.is_hidden.resize(num_seen);
     buffers.silhouette.reserve(num_seen);
-    buffers.silhouette_cells.resize(2 * num_seen);
-    buffers.row_begins.resize(max_cells + 2);
-    buffers.by_row.resize(num_seen);
     buffers.projected_u.resize(num_projected);
     buffers.projected_v.resize(num_projected);
     buffers.squared_distances.resize(num_projected + 4);
     buffers.projected_rows.resize(num_projected);
-    buffers.occluder_alpha.resize(pack.num_shape);
-    buffers.occluder_psi.resize(pack.num_expressions);
-    buffers.occluder_neutral = AlignedBuffer<float>(pack.occluders.size());
     buffers.occluders = AlignedBuffer<float>(pack.occluders.size());
-    buffers.occluders_seen = AlignedBuffer<float>(pack.occluders.size());
-    buffers.outcodes.resize(num_occluders);
-    buffers.bands.resize(max_cells);
-    buffers.near_triangles.resize(pack.occluder_triangles.size() + 1);
-    buffers.near_slots.assign(num_occluders, -1);
-    buffers.near_vertices.reserve(num_occluders);
-    buffers.near_neutral = AlignedBuffer<float>(3 * num_occluders);
-    buffers.near_offset = AlignedBuffer<float>(3 * num_occluders);
-    buffers.near_seen = AlignedBuffer<float>(3 * num_occluders);
+    buffers.occluders_seen.resize(pack.occluders.num_points);
+    buffers.group_lows.resize(pack.occluder_groups.size());
+    buffers.group_highs.resize(pack.occluder_groups.size());
     buffers.mesh = AlignedBuffer<float>(pack.mesh.size());
     buffers.mesh_coefficients = AlignedBuffer<float>(width);
     buffers.batch_coefficients =
