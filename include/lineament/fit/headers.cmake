@@ -52,6 +52,7 @@ set(definitions
     realtime_fitter_impl.hpp
     realtime_frames_impl.hpp
     realtime_pack_impl.hpp
+    realtime_pose_impl.hpp
     realtime_result_impl.hpp
     realtime_solve_impl.hpp
     silhouette_impl.hpp

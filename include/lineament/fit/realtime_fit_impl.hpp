@@ -6,12 +6,9 @@
 #define LINEAMENT_FIT_REALTIME_FIT_IMPL_HPP
 
 #include "lineament/fit/frame_fit_impl.hpp"
-#include "lineament/fit/pair_moments_impl.hpp"
-#include "lineament/fit/pose_support_impl.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace lineament::detail {
 
@@ -258,8 +255,6 @@ inline bool RealtimeFit::fit(const Eigen::Vector2d& principal_point_px, const Fi
     return true;
 }
 
-// The shape
-
 inline void RealtimeFit::update_rows()
 {
     for (int j = 0; j < pack_.num_expressions; ++j) {
@@ -347,183 +342,10 @@ inline void RealtimeFit::update_positions()
     }
 }
 
-// Pose
-
-inline void RealtimeFit::set_scale()
-{
-    const double scale = frame_.camera.scale_px_per_mm;
-    frame_.scale_factor = fitter_.reference_.options().noise_units == NoiseUnits::model ? 1 / (scale * scale) : 1;
-}
-
-inline bool RealtimeFit::estimate_pose()
-{
-    const int num_fixed = pack_.fixed.num_points;
-    const int count = static_cast<int>(frame_.matches.size());
-    const int stride = kernels::round_up(num_fixed + count, 8);
-    double* x = work_.pose_points.data();
-    double* y = x + stride;
-    double* z = y + stride;
-    double* u = z + stride;
-    double* v = u + stride;
-    double* w = v + stride;
-    for (int i = 0; i < num_fixed; ++i) {
-        x[i] = work_.fixed[3 * i];
-        y[i] = work_.fixed[3 * i + 1];
-        z[i] = work_.fixed[3 * i + 2];
-        u[i] = frame_.fixed_u[i];
-        v[i] = frame_.fixed_v[i];
-        w[i] = fixed_weight(i);
-    }
-    for (int i = 0; i < count; ++i) {
-        x[num_fixed + i] = work_.match_positions[3 * i];
-        y[num_fixed + i] = work_.match_positions[3 * i + 1];
-        z[num_fixed + i] = work_.match_positions[3 * i + 2];
-        u[num_fixed + i] = frame_.matches[i].u;
-        v[num_fixed + i] = frame_.matches[i].v;
-        w[num_fixed + i] = frame_.scale_factor * frame_.matches[i].information;
-    }
-    for (int i = num_fixed + count; i < stride; ++i) {
-        x[i] = y[i] = z[i] = u[i] = v[i] = w[i] = 0;
-    }
-    double moments[kernels::num_pose_moments];
-    kernels_.pose_moments(work_.pose_points.data(), stride, moments);
-    if (!estimate_pose_closed_form(moments)) {
-        const Reference reference = reference_points();
-        const PoseResult pose = lineament::estimate_pose(
-            reference.points.at(Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape),
-                                Eigen::Map<const Eigen::VectorXd>(frame_.psi.data(), pack_.num_expressions)),
-            reference.image_points, reference.weights, frame_.camera.principal_point_px);
-        ++workspace_.num_reference_solves_;
-        if (pose.status != FitStatus::success) {
-            return false;
-        }
-        frame_.camera = pose.camera;
-    }
-    update_jacobian();
-    if (!frame_.has_scale) {
-        frame_.has_scale = true;
-        set_scale();
-    }
-    return true;
-}
-
-inline void RealtimeFit::update_jacobian()
-{
-    for (int row = 0; row < 2; ++row) {
-        for (int column = 0; column < 3; ++column) {
-            frame_.jacobian[3 * row + column] =
-                static_cast<float>(frame_.camera.scale_px_per_mm * frame_.camera.camera_from_model(row, column));
-        }
-    }
-}
-
-/// As FrameFit::turn_by_depth.
-inline void RealtimeFit::turn_by_depth()
-{
-    if (!frame_.has_depth) {
-        return;
-    }
-    PairMoments all, with_depth;
-    int num_with_depth = 0;
-    for (int i = 0; i < pack_.fixed.num_points; ++i) {
-        const double weight = fixed_weight(i);
-        if (weight > 0) {
-            const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(work_.fixed.data() + 3 * i).cast<double>();
-            const std::optional<double>& depth_px = frame_.fixed_depth_px[i];
-            const Eigen::Vector3d seen(frame_.fixed_u[i], frame_.fixed_v[i], depth_px.value_or(0.0));
-            all.add(weight, point, seen);
-            if (depth_px) {
-                with_depth.add(weight, point, seen);
-                ++num_with_depth;
-            }
-        }
-    }
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        const RealtimeMatch& match = frame_.matches[i];
-        all.add(frame_.scale_factor * match.information,
-                Eigen::Map<const Eigen::Vector3f>(work_.match_positions.data() + 3 * i).cast<double>(),
-                {match.u, match.v, 0.0});
-    }
-    // Image points are relative to the principal point here.
-    Camera camera = frame_.camera;
-    camera.principal_point_px.setZero();
-    if (turn_camera_by_depth(all, with_depth, num_with_depth, camera)) {
-        camera.principal_point_px = frame_.camera.principal_point_px;
-        frame_.camera = camera;
-        update_jacobian();
-        fit_expression();
-    }
-}
-
-/// lineament::estimate_pose from sums; false where it would not be clearly a success.
-inline bool RealtimeFit::estimate_pose_closed_form(const double* moments)
-{
-    const double inverse = 1 / moments[0];
-    const double mx = moments[1] * inverse, my = moments[2] * inverse, mz = moments[3] * inverse;
-    const double mu = moments[4] * inverse, mv = moments[5] * inverse;
-    const double xx = moments[6] * inverse - mx * mx, xy = moments[7] * inverse - mx * my;
-    const double xz = moments[8] * inverse - mx * mz, yy = moments[9] * inverse - my * my;
-    const double yz = moments[10] * inverse - my * mz, zz = moments[11] * inverse - mz * mz;
-    const double ux = moments[12] * inverse - mu * mx, uy = moments[13] * inverse - mu * my;
-    const double uz = moments[14] * inverse - mu * mz, vx = moments[15] * inverse - mv * mx;
-    const double vy = moments[16] * inverse - mv * my, vz = moments[17] * inverse - mv * mz;
-
-    const double cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy; // cofactors
-    const double cyy = xx * zz - xz * xz, cyz = xy * xz - xx * yz, czz = xx * yy - xy * xy;
-    const double determinant = xx * cxx + xy * cxy + xz * cxz;
-    const double trace = xx + yy + zz;
-    // The least variance is at least 4 det / trace^2, the largest at most the trace.
-    if (!(4 * determinant > 2e-4 * trace * trace * trace)) {
-        return false;
-    }
-    const double d = 1 / determinant;
-    double r1[3] = {d * (ux * cxx + uy * cxy + uz * cxz), d * (ux * cxy + uy * cyy + uz * cyz),
-                    d * (ux * cxz + uy * cyz + uz * czz)};
-    double r2[3] = {d * (vx * cxx + vy * cxy + vz * cxz), d * (vx * cxy + vy * cyy + vz * cyz),
-                    d * (vx * cxz + vy * cyz + vz * czz)};
-    const double n1 = std::sqrt(r1[0] * r1[0] + r1[1] * r1[1] + r1[2] * r1[2]);
-    const double n2 = std::sqrt(r2[0] * r2[0] + r2[1] * r2[1] + r2[2] * r2[2]);
-    const double least = std::min(n1, n2);
-    if (!(least * std::sqrt(trace) > 1e-6) || !(least > 0.01 * std::max(n1, n2))) {
-        return false;
-    }
-    const double cosine = (r1[0] * r2[0] + r1[1] * r2[1] + r1[2] * r2[2]) / (n1 * n2);
-    if (!(std::abs(cosine) < 0.999)) {
-        return false;
-    }
-    const double plus = 0.5 / std::sqrt(1 + cosine), minus = 0.5 / std::sqrt(1 - cosine);
-    const double same = plus + minus, cross = plus - minus;
-    for (int a = 0; a < 3; ++a) {
-        const double first = r1[a] / n1, second = r2[a] / n2;
-        r1[a] = same * first + cross * second;
-        r2[a] = cross * first + same * second;
-    }
-    const double r3z = r1[0] * r2[1] - r1[1] * r2[0];
-    const double correlation = r1[0] * ux + r1[1] * uy + r1[2] * uz + r2[0] * vx + r2[1] * vy + r2[2] * vz;
-    const auto variance_along = [&](const double* r) {
-        return r[0] * (r[0] * xx + 2 * r[1] * xy + 2 * r[2] * xz) + r[1] * (r[1] * yy + 2 * r[2] * yz) +
-               r[2] * r[2] * zz;
-    };
-    const double scale = correlation / (variance_along(r1) + variance_along(r2));
-    if (!(scale > 1e-9) || -r3z < min_facing_cosine + 1e-6) {
-        return false;
-    }
-    for (int a = 0; a < 3; ++a) {
-        frame_.camera.camera_from_model(0, a) = r1[a];
-        frame_.camera.camera_from_model(1, a) = r2[a];
-    }
-    frame_.camera.camera_from_model(2, 0) = r1[1] * r2[2] - r1[2] * r2[1];
-    frame_.camera.camera_from_model(2, 1) = r1[2] * r2[0] - r1[0] * r2[2];
-    frame_.camera.camera_from_model(2, 2) = r3z;
-    frame_.camera.scale_px_per_mm = scale;
-    frame_.camera.translation_mm.x() = mu / scale - (r1[0] * mx + r1[1] * my + r1[2] * mz);
-    frame_.camera.translation_mm.y() = mv / scale - (r2[0] * mx + r2[1] * my + r2[2] * mz);
-    return true;
-}
-
 } // namespace lineament::detail
 
 #include "lineament/fit/realtime_contour_impl.hpp"
+#include "lineament/fit/realtime_pose_impl.hpp"
 #include "lineament/fit/realtime_result_impl.hpp"
 #include "lineament/fit/realtime_solve_impl.hpp"
 
