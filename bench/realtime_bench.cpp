@@ -1,23 +1,21 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// RealtimeFitter: whole fits, tracking steps, meshes and single kernels for each instruction set of this machine,
-// beside a calibration kernel (multiply-adds over 4 MB). With "agreement" it checks instead that both paths agree. Of a
-// part SET/NAME there may be
+// RealtimeFitter: whole fits, tracking steps and meshes, and (kernel_parts.cpp) its single kernels, for each
+// instruction set of this machine, beside a calibration kernel (multiply-adds over 4 MB). With "agreement" it checks
+// instead that both paths agree. Of a part SET/NAME there may be
 //   reference/NAME  the same by the double precision path,
 //   SET/limit/NAME  the time that the machine needs at least, measured: as many bytes read once and in order, with one
 //                   multiply-add for each number, or as many multiply-adds in registers; its label says which.
 // Run with --benchmark_repetitions=15 --benchmark_enable_random_interleaving=true --benchmark_out=FILE;
 // realtime_table.py makes a table of the file.
 #include "calibration.hpp"
-#include "multiply_adds.hpp"
+#include "kernel_parts.hpp"
 
 #include "lineament/fit/realtime_fitter.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 #include "support/synthetic_face.hpp"
-
-#include <Eigen/Cholesky>
 
 #include <benchmark/benchmark.h>
 
@@ -26,7 +24,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <numeric>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,7 +31,7 @@
 namespace {
 
 using namespace lineament;
-using kernels::AlignedBuffer;
+using bench::add;
 using kernels::Kernels;
 
 constexpr double max_yaw_deg = 45;
@@ -337,125 +334,6 @@ void batch(benchmark::State& state, const Kernels& kernels, const FitOptions& op
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(sets.size()));
 }
 
-/// The limit of what reads its numbers once: they are read in order, with one multiply-add for each.
-void read_limit(benchmark::State& state, const Kernels& kernels, std::int64_t num_bytes)
-{
-    const int num_rows = static_cast<int>(num_bytes / (4 * 64));
-    AlignedBuffer<float> rows(static_cast<std::size_t>(num_rows) * 64);
-    AlignedBuffer<float> factors(static_cast<std::size_t>(num_rows));
-    std::fill_n(rows.data(), rows.size(), 1e-3f);
-    std::fill_n(factors.data(), factors.size(), 1e-3f);
-    AlignedBuffer<float> sums(64);
-    for (auto _ : state) {
-        kernels.add_rows(rows.data(), num_rows, 64, factors.data(), sums.data());
-        benchmark::DoNotOptimize(sums.data());
-    }
-    state.SetLabel("reading");
-    state.counters["bytes"] = benchmark::Counter(4.0 * 64 * num_rows, benchmark::Counter::kIsIterationInvariantRate,
-                                                 benchmark::Counter::kIs1000);
-}
-
-/// The limit of what reads little: its arithmetic, in registers.
-void arithmetic_limit(benchmark::State& state, bench::MultiplyAdds multiply_adds, std::int64_t num_operations)
-{
-    for (auto _ : state) {
-        benchmark::DoNotOptimize(multiply_adds(num_operations));
-    }
-    state.SetLabel("arithmetic");
-    state.counters["flop"] =
-        benchmark::Counter(static_cast<double>(num_operations), benchmark::Counter::kIsIterationInvariantRate,
-                           benchmark::Counter::kIs1000);
-}
-
-// Single kernels as a fit calls them, and the same by Eigen in double precision.
-constexpr int width = 64;
-constexpr int num_unknowns = 60;
-constexpr int num_contour_rows = 32;
-constexpr int num_points = 68;
-
-constexpr std::int64_t gram_operations = num_contour_rows * width * (width + 1); // the upper triangle
-constexpr std::int64_t gram_bytes = 6 * 4 * width * (width + 1) / 2;
-constexpr std::int64_t solve_operations =
-    num_unknowns * num_unknowns * num_unknowns / 3 + 2 * num_unknowns * num_unknowns;
-constexpr std::int64_t row_bytes = 4 * 3 * num_points * width;
-
-void add_gram(benchmark::State& state, const Kernels& kernels)
-{
-    AlignedBuffer<float> rows(num_contour_rows * width);
-    std::fill_n(rows.data(), rows.size(), 1e-3f);
-    AlignedBuffer<float> gram(width * width);
-    for (auto _ : state) {
-        kernels.add_gram(rows.data(), num_contour_rows, width, gram.data());
-        benchmark::DoNotOptimize(gram.data());
-    }
-}
-
-void reference_add_gram(benchmark::State& state)
-{
-    const Eigen::MatrixXd rows = Eigen::MatrixXd::Constant(width, num_contour_rows, 1e-3);
-    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(width, width);
-    for (auto _ : state) {
-        gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
-        benchmark::DoNotOptimize(gram.data());
-    }
-}
-
-void combine_grams(benchmark::State& state, const Kernels& kernels)
-{
-    const AlignedBuffer<float> grams(6 * width * width);
-    AlignedBuffer<float> gram(width * width);
-    const float scales[6] = {1, 2, 3, 4, 5, 6};
-    for (auto _ : state) {
-        kernels.combine_grams(grams.data(), width, scales, gram.data());
-        benchmark::DoNotOptimize(gram.data());
-    }
-}
-
-void solve_positive(benchmark::State& state, const Kernels& kernels)
-{
-    AlignedBuffer<float> system(width * width);
-    AlignedBuffer<float> x(width);
-    for (auto _ : state) {
-        std::fill_n(system.data(), system.size(), 0.25f); // a copy of 16 kB, as small as the solve is large
-        for (int i = 0; i < num_unknowns; ++i) {
-            system[static_cast<std::size_t>((width + 1) * i)] = 8;
-        }
-        benchmark::DoNotOptimize(kernels.solve_positive(system.data(), num_unknowns, width, x.data()));
-    }
-}
-
-void reference_solve_positive(benchmark::State& state)
-{
-    Eigen::MatrixXd matrix = Eigen::MatrixXd::Constant(num_unknowns, num_unknowns, 0.25);
-    matrix.diagonal().setConstant(8);
-    const Eigen::VectorXd right = Eigen::VectorXd::Constant(num_unknowns, 0.25);
-    for (auto _ : state) {
-        benchmark::DoNotOptimize(matrix.llt().solve(right).eval().data());
-    }
-}
-
-void multiply_rows(benchmark::State& state, const Kernels& kernels)
-{
-    const AlignedBuffer<float> rows(3 * num_points * width);
-    const AlignedBuffer<float> x(width);
-    AlignedBuffer<float> out(3 * num_points);
-    std::vector<int> indices(num_points);
-    std::iota(indices.begin(), indices.end(), 0);
-    for (auto _ : state) {
-        kernels.multiply_rows(rows.data(), width, indices.data(), num_points, x.data(), out.data());
-        benchmark::DoNotOptimize(out.data());
-    }
-}
-
-void reference_multiply_rows(benchmark::State& state)
-{
-    const Eigen::MatrixXd columns = Eigen::MatrixXd::Ones(width, 3 * num_points);
-    const Eigen::VectorXd x = Eigen::VectorXd::Ones(width);
-    for (auto _ : state) {
-        benchmark::DoNotOptimize((columns.transpose() * x).eval().data());
-    }
-}
-
 /// Share of fits that differ, and the largest vertex distance of the others [um].
 void report_agreement(const Kernels& kernels, const char* name, const FitOptions& options, int yaw_deg)
 {
@@ -491,12 +369,6 @@ void report_all()
     }
 }
 
-template <typename Function>
-benchmark::internal::Benchmark* add(const std::string& name, Function function)
-{
-    return benchmark::RegisterBenchmark(name.c_str(), function)->Unit(benchmark::kMicrosecond);
-}
-
 void register_reference()
 {
     const auto add_fit = [](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
@@ -518,33 +390,18 @@ void register_reference()
         add("reference/mesh_batch_" + set, [=](benchmark::State& s) { reference_meshes(s, set, batch_size); });
         add("reference/sweep_10_" + set, [=](benchmark::State& s) { reference_sweep(s, set, 10); });
     }
-    add("reference/add_gram", reference_add_gram);
-    add("reference/solve_positive", reference_solve_positive);
-    add("reference/multiply_rows", reference_multiply_rows);
+    bench::register_reference_kernels();
 }
 
 void register_limits(const Kernels& kernels)
 {
     const std::string prefix = std::string(kernels.name) + "/limit/";
-    const bench::MultiplyAdds multiply_adds = bench::multiply_adds_of(kernels);
-    const auto add_reading = [&](const std::string& name, std::int64_t num_bytes) {
-        add(prefix + name, [=, &kernels](benchmark::State& s) { read_limit(s, kernels, num_bytes); });
-    };
-    const auto add_arithmetic = [&](const std::string& name, std::int64_t num_operations) {
-        if (multiply_adds != nullptr) {
-            add(prefix + name, [=](benchmark::State& s) { arithmetic_limit(s, multiply_adds, num_operations); });
-        }
-    };
     for (const std::string name : {"ekman6", "arkit47"}) {
-        add_reading("mesh_" + name, 4 * mesh_numbers(name, true));
-        add_reading("mesh_int16_" + name, 2 * mesh_numbers(name, true));
-        add_reading("mesh_of_frozen_" + name, 4 * mesh_numbers(name, false));
-        add_arithmetic("mesh_batch_" + name, 2 * batch_size * mesh_numbers(name, true));
+        bench::add_read_limit(prefix + "mesh_" + name, kernels, 4 * mesh_numbers(name, true));
+        bench::add_read_limit(prefix + "mesh_int16_" + name, kernels, 2 * mesh_numbers(name, true));
+        bench::add_read_limit(prefix + "mesh_of_frozen_" + name, kernels, 4 * mesh_numbers(name, false));
+        bench::add_arithmetic_limit(prefix + "mesh_batch_" + name, kernels, 2 * batch_size * mesh_numbers(name, true));
     }
-    add_arithmetic("add_gram", gram_operations);
-    add_reading("combine_grams", gram_bytes);
-    add_arithmetic("solve_positive", solve_operations);
-    add_reading("multiply_rows", row_bytes);
 }
 
 void register_parts(const Kernels& kernels)
@@ -583,13 +440,6 @@ void register_parts(const Kernels& kernels)
         add_part("sweep_10", [](auto& s, const Kernels& k, const auto& e) { sweep(s, k, e, 10); });
         add_part("sweep_100", [](auto& s, const Kernels& k, const auto& e) { sweep(s, k, e, 100); });
     }
-    const auto add_kernel = [&](const std::string& name, auto function) {
-        add(prefix + name, [=, &kernels](benchmark::State& s) { function(s, kernels); });
-    };
-    add_kernel("add_gram", add_gram);
-    add_kernel("combine_grams", combine_grams);
-    add_kernel("solve_positive", solve_positive);
-    add_kernel("multiply_rows", multiply_rows);
 }
 
 void register_all()
@@ -599,6 +449,7 @@ void register_all()
     for (const Kernels* kernels : kernels::supported_kernels()) {
         register_parts(*kernels);
         register_limits(*kernels);
+        bench::register_kernels(*kernels);
     }
 }
 
