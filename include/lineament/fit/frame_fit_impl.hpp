@@ -7,6 +7,7 @@
 
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/expression.hpp"
+#include "lineament/fit/fit_summary_impl.hpp"
 #include "lineament/fit/landmark_use_impl.hpp"
 #include "lineament/fit/pair_moments_impl.hpp"
 #include "lineament/fit/pose.hpp"
@@ -268,11 +269,7 @@ inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int
     FitResult result;
     result.status = status_;
     result.reason = reason_;
-    if (result.status == FitStatus::success && num_held_expressions_ > 0) {
-        result.status = FitStatus::implausible;
-        result.reason = std::to_string(num_held_expressions_) + " expression coefficients were held at " +
-                        to_text(fitter_.options().max_expression);
-    }
+    note_held_expressions(num_held_expressions_, fitter_.options().max_expression, result);
     result.camera = camera_;
     result.shape_coefficients = shape_coefficients;
     if (const Blendshapes* expressions = fitter_.expressions()) {
@@ -298,31 +295,14 @@ inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int
     if (!is_fitted || used_.empty()) {
         return result;
     }
-    // Relative weights; of several matches of one landmark the nearest is shown.
     const Eigen::Matrix2Xd fitted = project(points_);
     const double largest_weight = std::max(weights_.maxCoeff(), std::numeric_limits<double>::min());
     for (std::size_t i = 0; i < used_.size(); ++i) {
         const Eigen::Index column = static_cast<Eigen::Index>(i);
-        FittedLandmark& landmark = result.landmarks[used_[i].landmark_index];
-        const double distance = (fitted.col(column) - image_points_.col(column)).squaredNorm();
-        result.chi_square += weights_[column] * distance;
-        if (landmark.weight == 0 || distance < (landmark.fitted_px - landmark.point_px).squaredNorm()) {
-            landmark.fitted_px = fitted.col(column);
-        }
-        landmark.weight = weights_[column] / largest_weight;
+        add_used_point(fitted.col(column), weights_[column], largest_weight, result.landmarks[used_[i].landmark_index],
+                       result.chi_square);
     }
-    int num_used = 0;
-    double sum = 0;
-    for (const FittedLandmark& landmark : result.landmarks) {
-        if (landmark.weight > 0) {
-            ++num_used;
-            sum += (landmark.fitted_px - landmark.point_px).squaredNorm();
-        }
-    }
-    result.rms_px = std::sqrt(sum / num_used);
-    result.chi_square += fitter_.options().regularization * shape_coefficients.squaredNorm() +
-                         (expression_coefficients_ / fitter_.options().expression_sigma).squaredNorm();
-    result.degrees_of_freedom = 2 * num_used - 6;
+    sum_up(fitter_.options(), result);
     return result;
 }
 

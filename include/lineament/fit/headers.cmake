@@ -32,6 +32,7 @@ set(definitions
     depth_pose_impl.hpp
     expression_impl.hpp
     face_fitter_impl.hpp
+    fit_summary_impl.hpp
     frame_fit_impl.hpp
     identity_filter_impl.hpp
     identity_impl.hpp

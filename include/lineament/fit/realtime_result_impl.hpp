@@ -5,6 +5,11 @@
 #ifndef LINEAMENT_FIT_REALTIME_RESULT_IMPL_HPP
 #define LINEAMENT_FIT_REALTIME_RESULT_IMPL_HPP
 
+#include "lineament/fit/fit_summary_impl.hpp"
+
+#include <algorithm>
+#include <limits>
+
 namespace lineament::detail {
 
 /// FrameFit::result, into memory that is there.
@@ -15,13 +20,9 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         frame_.status = identity_status_;
         frame_.reason = identity_reason_;
     }
-    if (frame_.status == FitStatus::success && frame_.num_held > 0) {
-        frame_.status = FitStatus::implausible;
-        frame_.reason = std::to_string(frame_.num_held) + " expression coefficients were held at " +
-                        to_text(options.max_expression);
-    }
     result.status = frame_.status;
     result.reason = frame_.reason;
+    note_held_expressions(frame_.num_held, options.max_expression, result);
     result.method = "thesis";
     result.camera = frame_.camera;
     result.iterations = iterations;
@@ -72,36 +73,16 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         }
         fitted.fitted_px = project(work_.fixed.data() + 3 * entry.fixed_index);
         if (frame_.landmark_of_fixed[entry.fixed_index] == static_cast<int>(l)) {
-            const double weight = fixed_weight(entry.fixed_index);
-            result.chi_square += weight * (fitted.fitted_px - fitted.point_px).squaredNorm();
-            fitted.weight = weight / largest_weight;
+            add_used_point(fitted.fitted_px, fixed_weight(entry.fixed_index), largest_weight, fitted,
+                           result.chi_square);
         }
     }
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i) { // of several matches of one landmark the nearest is shown
+    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
         const RealtimeMatch& match = frame_.matches[i];
-        FittedLandmark& fitted = result.landmarks[match.landmark_index];
-        const Eigen::Vector2d seen = project(work_.match_positions.data() + 3 * i);
-        const double distance = (seen - fitted.point_px).squaredNorm();
-        const double weight = frame_.scale_factor * match.information;
-        result.chi_square += weight * distance;
-        if (fitted.weight == 0 || distance < (fitted.fitted_px - fitted.point_px).squaredNorm()) {
-            fitted.fitted_px = seen;
-        }
-        fitted.weight = weight / largest_weight;
+        add_used_point(project(work_.match_positions.data() + 3 * i), frame_.scale_factor * match.information,
+                       largest_weight, result.landmarks[match.landmark_index], result.chi_square);
     }
-    int num_used = 0;
-    double sum = 0;
-    for (const FittedLandmark& fitted : result.landmarks) {
-        if (fitted.weight > 0) {
-            ++num_used;
-            sum += (fitted.fitted_px - fitted.point_px).squaredNorm();
-        }
-    }
-    result.rms_px = std::sqrt(sum / num_used);
-    result.chi_square +=
-        options.regularization * result.shape_coefficients.squaredNorm() +
-        result.expression_coefficients.squaredNorm() / (options.expression_sigma * options.expression_sigma);
-    result.degrees_of_freedom = 2 * num_used - 6;
+    sum_up(options, result);
 }
 
 } // namespace lineament::detail
