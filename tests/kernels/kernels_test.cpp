@@ -224,6 +224,34 @@ TEST_P(KernelsTest, SumsPoseMoments)
     }
 }
 
+TEST_P(KernelsTest, FindsTheFirstNearestPoint)
+{
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    for (const int count : {1, 2, 7, 8, 9, 21, 104}) {
+        AlignedBuffer<double> u(round_up(count, 8));
+        AlignedBuffer<double> v(u.size());
+        AlignedBuffer<double> squared(u.size());
+        AlignedBuffer<double> expected(u.size());
+        std::fill_n(u.data(), u.size(), infinity);
+        std::fill_n(v.data(), v.size(), infinity);
+        for (int i = 0; i < count; ++i) { // whole numbers, so that many distances are equal
+            u[i] = std::round(random.uniform(-3, 3));
+            v[i] = std::round(random.uniform(-3, 3));
+        }
+        for (int trial = 0; trial < 20; ++trial) {
+            const double to_u = trial % 2 == 0 ? std::round(random.uniform(-3, 3)) : random.normal();
+            const double to_v = trial % 2 == 0 ? std::round(random.uniform(-3, 3)) : random.normal();
+            const int nearest = kernels.nearest_point(u.data(), v.data(), count, to_u, to_v, squared.data());
+            EXPECT_EQ(nearest, scalar::nearest_point(u.data(), v.data(), count, to_u, to_v, expected.data()));
+            EXPECT_EQ(squared[nearest], expected[nearest]);
+            EXPECT_EQ(squared[nearest], *std::min_element(expected.data(), expected.data() + count));
+            EXPECT_EQ(nearest, std::min_element(expected.data(), expected.data() + count) - expected.data());
+        }
+        std::fill_n(u.data(), count, infinity); // none is left
+        EXPECT_EQ(squared[kernels.nearest_point(u.data(), v.data(), count, 1, 2, squared.data())], infinity);
+    }
+}
+
 TEST(DispatchedKernels, AreAmongThoseSupported)
 {
     const std::vector<const Kernels*> supported = supported_kernels();

@@ -245,7 +245,7 @@ struct RealtimeBuffers
     AlignedBuffer<double> pose_points = {};
     std::vector<int> present = {};
     std::vector<float> roots = {};
-    AlignedBuffer<float> factors = {}, residuals = {};
+    AlignedBuffer<float> factors = {}, residuals = {}, match_roots = {};
     AlignedBuffer<float> rows = {};   ///< Projected.
     AlignedBuffer<float> system = {}; ///< Widest of all.
     AlignedBuffer<float> gram = {};
@@ -261,7 +261,7 @@ struct RealtimeBuffers
     AlignedBuffer<float> occluders = {};
     std::vector<Eigen::Array4f> occluders_seen = {};               ///< x, y and depth [mm].
     std::vector<Eigen::Array4f> group_lows = {}, group_highs = {}; ///< Of each group the box.
-    std::vector<double> projected_u = {}, projected_v = {}, squared_distances = {};
+    AlignedBuffer<double> projected_u = {}, projected_v = {}, squared_distances = {};
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
     AlignedBuffer<float> batch_coefficients = {}; ///< Of batch_size faces.

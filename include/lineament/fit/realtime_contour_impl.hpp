@@ -42,7 +42,7 @@ inline void RealtimeFit::match_contour()
             }
         }
         update_matches_neutral();
-        update_positions();
+        update_match_positions();
     }
     set_scale();
 }
@@ -54,27 +54,21 @@ inline void RealtimeFit::add_match(const OutlineLandmark& landmark, int row)
     frame_.match_rows.push_back(row);
 }
 
-/// Position of the point nearest to (u, v) of the first `count` projected ones, the first of equals, and the squared
-/// distance; -1: none.
-[[nodiscard]] inline std::pair<int, double> nearest_projected(RealtimeBuffers& work, int count, double u, double v)
+/// Ends a list of projected points as kernels read it.
+inline void end_projected(int count, RealtimeBuffers& work)
 {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    double* squared = work.squared_distances.data();
-    for (int i = 0; i < count; ++i) {
-        const double du = work.projected_u[i] - u;
-        const double dv = work.projected_v[i] - v;
-        squared[i] = du * du + dv * dv;
-    }
-    std::fill_n(squared + count, 3, infinity);
-    double least[4] = {infinity, infinity, infinity, infinity}; // four short chains instead of a long one
-    for (int i = 0; i < count; i += 4) {
-        for (int q = 0; q < 4; ++q) {
-            least[q] = std::min(least[q], squared[i + q]);
-        }
-    }
-    const double smallest = std::min(std::min(least[0], least[1]), std::min(least[2], least[3]));
-    const double* found = std::find(squared, squared + count, smallest);
-    return {found == squared + count ? -1 : static_cast<int>(found - squared), smallest};
+    const int padding = kernels::round_up(count, 8) - count;
+    std::fill_n(work.projected_u.data() + count, padding, std::numeric_limits<double>::infinity());
+    std::fill_n(work.projected_v.data() + count, padding, std::numeric_limits<double>::infinity());
+}
+
+/// Position of the projected point nearest to the landmark, the first of equals, and the squared distance.
+inline std::pair<int, double> RealtimeFit::nearest_projected(int count, const OutlineLandmark& landmark)
+{
+    double* squared = work_.squared_distances.data();
+    const int nearest = kernels_.nearest_point(work_.projected_u.data(), work_.projected_v.data(), count, landmark.u,
+                                               landmark.v, squared);
+    return {nearest, squared[nearest]};
 }
 
 /// Where a model point is seen, in double precision as match_contour has it [px from the principal point].
@@ -97,10 +91,10 @@ inline void RealtimeFit::match_candidates(FaceSide side_name)
         work_.projected_u[i] = seen.x();
         work_.projected_v[i] = seen.y();
     }
+    end_projected(count, work_);
     for (const OutlineLandmark& landmark : frame_.outline[side]) {
-        const int nearest = nearest_projected(work_, count, landmark.u, landmark.v).first;
-        if (nearest >= 0) {
-            add_match(landmark, region.candidate_rows[nearest]);
+        if (count > 0) {
+            add_match(landmark, region.candidate_rows[nearest_projected(count, landmark).first]);
         }
     }
 }
@@ -132,6 +126,7 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
         work_.projected_rows[count] = region.rows[vertex];
         ++count;
     }
+    end_projected(count, work_);
     constexpr double infinity = std::numeric_limits<double>::infinity();
     const double max_distance_px = options.max_distance_mm * frame_.camera.scale_px_per_mm;
     const auto is_near = [&](double squared) { return squared < infinity && std::sqrt(squared) <= max_distance_px; };
@@ -139,10 +134,10 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
     if (options.occluding_match == OccludingMatch::landmark_to_silhouette) {
         for (const OutlineLandmark& landmark : outline) {
             // Hidden points are dropped when they are about to be matched: few are ever asked.
-            auto [nearest, squared] = nearest_projected(work_, count, landmark.u, landmark.v);
+            auto [nearest, squared] = nearest_projected(count, landmark);
             while (is_near(squared) && hidden(nearest)) {
                 work_.projected_u[nearest] = infinity;
-                std::tie(nearest, squared) = nearest_projected(work_, count, landmark.u, landmark.v);
+                std::tie(nearest, squared) = nearest_projected(count, landmark);
             }
             if (is_near(squared)) {
                 add_match(landmark, work_.projected_rows[nearest]);

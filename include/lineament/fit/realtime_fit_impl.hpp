@@ -51,9 +51,11 @@ private:
     [[nodiscard]] const float* neutral(PointSet set);
     void evaluate(PointSet set, AlignedBuffer<float>& out);
     void update_positions();
+    void update_match_positions();
     void update_matches_neutral();
 
     void match_contour();
+    [[nodiscard]] std::pair<int, double> nearest_projected(int count, const OutlineLandmark& landmark);
     void match_candidates(FaceSide side);
     void match_silhouette(FaceSide side);
     void find_silhouette(const ContourRegion& region);
@@ -330,6 +332,11 @@ inline void RealtimeFit::update_matches_neutral()
 inline void RealtimeFit::update_positions()
 {
     evaluate(PointSet::fixed, work_.fixed);
+    update_match_positions();
+}
+
+inline void RealtimeFit::update_match_positions()
+{
     const int count = static_cast<int>(frame_.matches.size());
     kernels_.multiply_rows(pack_.contour_rows.expression.data(), pack_.expression_width, frame_.match_rows.data(),
                            count, work_.psi_row.data(), work_.match_offset.data());

@@ -365,9 +365,10 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.match_positions = AlignedBuffer<float>(3 * max_matches);
     buffers.pose_points = AlignedBuffer<double>(6 * (num_fixed + max_matches + 8));
     buffers.present.reserve(num_fixed);
-    buffers.roots.reserve(num_fixed + max_matches);
+    buffers.roots.reserve(num_fixed);
     buffers.factors = AlignedBuffer<float>(3 * num_fixed);
     buffers.residuals = AlignedBuffer<float>(2 * max_matches);
+    buffers.match_roots = AlignedBuffer<float>(max_matches);
     // RealtimeFramesFit needs 64 rows even where there is no outline.
     buffers.rows = AlignedBuffer<float>(2 * std::max({num_fixed, max_matches, std::size_t{32}}) * width);
     // A system in all expressions needs one column more than their rows have.
@@ -396,9 +397,9 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.is_facing.resize(num_triangles);
     buffers.is_marked.resize(num_seen);
     buffers.silhouette.reserve(num_seen);
-    buffers.projected_u.resize(num_projected);
-    buffers.projected_v.resize(num_projected);
-    buffers.squared_distances.resize(num_projected + 4);
+    buffers.projected_u = AlignedBuffer<double>(num_projected + 8); // whole vectors are read
+    buffers.projected_v = AlignedBuffer<double>(num_projected + 8);
+    buffers.squared_distances = AlignedBuffer<double>(num_projected + 8);
     buffers.projected_rows.resize(num_projected);
     buffers.occluders = AlignedBuffer<float>(pack.occluders.size());
     buffers.occluders_seen.resize(pack.occluders.num_points);

@@ -12,7 +12,8 @@
 
 namespace lineament::detail {
 
-/// For the present shape: factors of the rows of fixed points, w J^T (y - x), and the weighted residuals of matches.
+/// For the present shape: factors of the rows of fixed points, w J^T (y - x), and of matches the roots of their weights
+/// and the residuals times these.
 inline void RealtimeFit::update_residuals()
 {
     const double s = frame_.camera.scale_px_per_mm;
@@ -33,6 +34,7 @@ inline void RealtimeFit::update_residuals()
         const float* p = work_.match_positions.data() + 3 * i;
         const double x = p[0], y = p[1], z = p[2];
         const double root = std::sqrt(frame_.scale_factor * match.information);
+        work_.match_roots[i] = static_cast<float>(root);
         work_.residuals[2 * i] = static_cast<float>(root * (match.u - (ax * x + ay * y + az * z + a0)));
         work_.residuals[2 * i + 1] = static_cast<float>(root * (match.v - (bx * x + by * y + bz * z + b0)));
     }
@@ -73,13 +75,9 @@ inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, co
                               work_.rows.data());
         kernels_.add_gram(work_.rows.data(), 2 * frame_.num_fixed_seen, width, gram.data());
     }
-    work_.roots.clear();
-    for (const RealtimeMatch& match : frame_.matches) {
-        work_.roots.push_back(static_cast<float>(std::sqrt(frame_.scale_factor * match.information)));
-    }
     const int count = static_cast<int>(frame_.matches.size());
     kernels_.project_rows(contour_rows.data(), width, frame_.match_rows.data(), count, frame_.jacobian.data(),
-                          work_.roots.data(), work_.rows.data());
+                          work_.match_roots.data(), work_.rows.data());
     kernels_.add_gram(work_.rows.data(), 2 * count, width, gram.data());
 }
 

@@ -18,6 +18,8 @@
 #endif
 
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 HWY_BEFORE_NAMESPACE();
 namespace lineament::kernels::HWY_NAMESPACE {
@@ -504,6 +506,30 @@ inline void pose_moments(const double* points, int stride, double* moments)
     }
 }
 
+inline int nearest_point(const double* u, const double* v, int count, double to_u, double to_v, double* squared)
+{
+    const hn::CappedTag<double, 8> d;
+    const int step = static_cast<int>(hn::MaxLanes(d));
+    const auto centre_u = hn::Set(d, to_u);
+    const auto centre_v = hn::Set(d, to_v);
+    auto least = hn::Set(d, std::numeric_limits<double>::infinity());
+    for (int i = 0; i < count; i += step) {
+        const auto du = hn::Sub(hn::Load(d, u + i), centre_u);
+        const auto dv = hn::Sub(hn::Load(d, v + i), centre_v);
+        const auto distance = hn::Add(hn::Mul(du, du), hn::Mul(dv, dv));
+        hn::Store(distance, d, squared + i);
+        least = hn::Min(least, distance);
+    }
+    least = hn::MinOfLanes(d, least);
+    for (int i = 0; i < count; i += step) {
+        const std::intptr_t found = hn::FindFirstTrue(d, hn::Eq(hn::Load(d, squared + i), least));
+        if (found >= 0) {
+            return i + static_cast<int>(found);
+        }
+    }
+    return 0;
+}
+
 /// This instruction set's kernels; without vectors the plain ones, which the compiler knows better.
 [[nodiscard]] inline const Kernels* table()
 {
@@ -520,7 +546,8 @@ inline void pose_moments(const double* points, int stride, double* moments)
                                     add_rows,
                                     solve_positive,
                                     transform_points,
-                                    pose_moments};
+                                    pose_moments,
+                                    nearest_point};
     return &kernels;
 #endif
 }

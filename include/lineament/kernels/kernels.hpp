@@ -65,6 +65,11 @@ struct Kernels
     /// Weighted sums of points: moments = sum w {1, x, y, z, u, v, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz}.
     /// `points` holds six rows x, y, z, u, v, w of `stride` doubles, a multiple of 8, zero beyond the points.
     void (*pose_moments)(const double* points, int stride, double* moments);
+
+    /// Of the points (u[i], v[i]), i < count, the first of those nearest to (to_u, to_v); its squared distance is
+    /// squared[that]. u and v have a multiple of 8 doubles, infinite beyond the points, and `squared` as many. The same
+    /// of every set.
+    int (*nearest_point)(const double* u, const double* v, int count, double to_u, double to_v, double* squared);
 };
 
 inline constexpr int num_pose_moments = 18;

@@ -154,6 +154,18 @@ inline void pose_moments(const double* points, int stride, double* moments)
     }
 }
 
+inline int nearest_point(const double* u, const double* v, int count, double to_u, double to_v, double* squared)
+{
+    int nearest = 0;
+    for (int i = 0; i < count; ++i) {
+        const double du = u[i] - to_u;
+        const double dv = v[i] - to_v;
+        squared[i] = du * du + dv * dv;
+        nearest = squared[i] < squared[nearest] ? i : nearest;
+    }
+    return nearest;
+}
+
 } // namespace lineament::kernels::scalar
 
 namespace lineament::kernels {
@@ -171,7 +183,8 @@ namespace lineament::kernels {
                                       scalar::add_rows,
                                       scalar::solve_positive,
                                       scalar::transform_points,
-                                      scalar::pose_moments};
+                                      scalar::pose_moments,
+                                      scalar::nearest_point};
     return table;
 }
 
