@@ -11,7 +11,10 @@
 
 #include <Eigen/Cholesky>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 namespace lineament::kernels {
 namespace {
@@ -221,6 +224,32 @@ TEST_P(KernelsTest, SumsPoseMoments)
     EXPECT_NEAR(moments[17], cross(1, 2), 1e-12);
     for (int t = 0; t < num_pose_moments; ++t) {
         EXPECT_NEAR(moments[t], expected[t], 1e-12) << t;
+    }
+}
+
+TEST_P(KernelsTest, MakesFactorsOfResiduals)
+{
+    for (const int count : {1, 5, 8, 51}) {
+        const int padded = round_up(count, 8);
+        const AlignedBuffer<float> points = random_floats(random, 3 * padded);
+        AlignedBuffer<double> u(padded), v(padded), w(padded), m(8);
+        for (AlignedBuffer<double>* values : {&u, &v, &w, &m}) {
+            std::generate_n(values->data(), values->size(), [&] { return random.normal(); });
+        }
+        AlignedBuffer<float> factors(3 * padded);
+        AlignedBuffer<float> plain(3 * padded);
+        kernels.residual_factors(points.data(), u.data(), v.data(), w.data(), count, m.data(), factors.data());
+        scalar::residual_factors(points.data(), u.data(), v.data(), w.data(), count, m.data(), plain.data());
+        const Eigen::Map<const Eigen::Matrix<double, 2, 4, Eigen::RowMajor>> camera(m.data());
+        for (int i = 0; i < count; ++i) {
+            const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(points.data() + 3 * i).cast<double>();
+            const Eigen::Vector2d residual = Eigen::Vector2d(u[i], v[i]) - camera.leftCols<3>() * point - camera.col(3);
+            const Eigen::Vector3d expected = w[i] * camera.leftCols<3>().transpose() * residual;
+            for (int a = 0; a < 3; ++a) {
+                EXPECT_NEAR(factors[3 * i + a], expected[a], 1e-6 * (1 + std::abs(expected[a]))) << i;
+                EXPECT_NEAR(plain[3 * i + a], expected[a], 1e-6 * (1 + std::abs(expected[a]))) << i;
+            }
+        }
     }
 }
 

@@ -194,7 +194,8 @@ struct RealtimeFrame
 {
     std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
     std::vector<int> map_indices = {};       ///< Of each landmark given.
-    std::vector<double> fixed_u = {}, fixed_v = {}, fixed_confidence = {};
+    AlignedBuffer<double> fixed_u = {}, fixed_v = {};
+    std::vector<double> fixed_confidence = {};
     std::vector<std::optional<double>> fixed_depth_px = {};
     std::array<std::vector<OutlineLandmark>, 2> outline = {};
     bool has_outline = false;
@@ -245,6 +246,7 @@ struct RealtimeBuffers
     AlignedBuffer<double> pose_points = {};
     std::vector<int> present = {};
     std::vector<float> roots = {};
+    AlignedBuffer<double> fixed_weights = {};
     AlignedBuffer<float> factors = {}, residuals = {}, match_roots = {};
     AlignedBuffer<float> rows = {};   ///< Projected.
     AlignedBuffer<float> system = {}; ///< Widest of all.

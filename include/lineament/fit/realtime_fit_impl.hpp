@@ -115,8 +115,8 @@ inline bool RealtimeFit::read_landmarks()
     frame_.num_fixed_seen = 0;
     std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
     std::fill(frame_.fixed_confidence.begin(), frame_.fixed_confidence.end(), 0.0);
-    std::fill(frame_.fixed_u.begin(), frame_.fixed_u.end(), 0.0);
-    std::fill(frame_.fixed_v.begin(), frame_.fixed_v.end(), 0.0);
+    std::fill_n(frame_.fixed_u.data(), frame_.fixed_u.size(), 0.0);
+    std::fill_n(frame_.fixed_v.data(), frame_.fixed_v.size(), 0.0);
     frame_.map_indices.clear();
     frame_.outline[0].clear();
     frame_.outline[1].clear();

@@ -317,8 +317,8 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     RealtimeFrame frame;
     frame.landmark_of_fixed.resize(num_fixed);
     frame.map_indices.reserve(pack.map.size());
-    frame.fixed_u.resize(num_fixed);
-    frame.fixed_v.resize(num_fixed);
+    frame.fixed_u = AlignedBuffer<double>(num_fixed + 8); // whole vectors are read
+    frame.fixed_v = AlignedBuffer<double>(num_fixed + 8);
     frame.fixed_confidence.resize(num_fixed);
     frame.fixed_depth_px.resize(num_fixed);
     for (auto& outline : frame.outline) {
@@ -357,7 +357,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.alpha.resize(pack.num_shape);
     buffers.alpha_row = AlignedBuffer<float>(pack.shape_width);
     buffers.psi_row = AlignedBuffer<float>(pack.expression_width);
-    buffers.fixed = AlignedBuffer<float>(pack.fixed.size());
+    buffers.fixed = AlignedBuffer<float>(pack.fixed.size() + 24);
     buffers.rest = AlignedBuffer<float>(pack.rest.size());
     buffers.new_rows.reserve(max_matches);
     buffers.new_points = AlignedBuffer<float>(3 * max_matches);
@@ -366,7 +366,8 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.pose_points = AlignedBuffer<double>(6 * (num_fixed + max_matches + 8));
     buffers.present.reserve(num_fixed);
     buffers.roots.reserve(num_fixed);
-    buffers.factors = AlignedBuffer<float>(3 * num_fixed);
+    buffers.fixed_weights = AlignedBuffer<double>(num_fixed + 8);
+    buffers.factors = AlignedBuffer<float>(3 * (num_fixed + 8));
     buffers.residuals = AlignedBuffer<float>(2 * max_matches);
     buffers.match_roots = AlignedBuffer<float>(max_matches);
     // RealtimeFramesFit needs 64 rows even where there is no outline.

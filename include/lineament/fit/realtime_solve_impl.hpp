@@ -20,15 +20,13 @@ inline void RealtimeFit::update_residuals()
     const Eigen::Matrix3d& r = frame_.camera.camera_from_model;
     const double ax = s * r(0, 0), ay = s * r(0, 1), az = s * r(0, 2), a0 = s * frame_.camera.translation_mm.x();
     const double bx = s * r(1, 0), by = s * r(1, 1), bz = s * r(1, 2), b0 = s * frame_.camera.translation_mm.y();
+    const double image_from_model[8] = {ax, ay, az, a0, bx, by, bz, b0};
     for (int i = 0; i < pack_.fixed.num_points; ++i) {
-        const double x = work_.fixed[3 * i], y = work_.fixed[3 * i + 1], z = work_.fixed[3 * i + 2];
-        const double weight = fixed_weight(i);
-        const double du = weight * (frame_.fixed_u[i] - (ax * x + ay * y + az * z + a0));
-        const double dv = weight * (frame_.fixed_v[i] - (bx * x + by * y + bz * z + b0));
-        work_.factors[3 * i] = static_cast<float>(ax * du + bx * dv);
-        work_.factors[3 * i + 1] = static_cast<float>(ay * du + by * dv);
-        work_.factors[3 * i + 2] = static_cast<float>(az * du + bz * dv);
+        work_.fixed_weights[i] = fixed_weight(i);
     }
+    kernels_.residual_factors(work_.fixed.data(), frame_.fixed_u.data(), frame_.fixed_v.data(),
+                              work_.fixed_weights.data(), pack_.fixed.num_points, image_from_model,
+                              work_.factors.data());
     for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
         const RealtimeMatch& match = frame_.matches[i];
         const float* p = work_.match_positions.data() + 3 * i;

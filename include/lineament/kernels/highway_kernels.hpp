@@ -506,6 +506,29 @@ inline void pose_moments(const double* points, int stride, double* moments)
     }
 }
 
+inline void residual_factors(const float* points, const double* u, const double* v, const double* w, int count,
+                             const double* m, float* factors)
+{
+    const hn::CappedTag<double, 8> d;
+    const hn::Rebind<float, decltype(d)> narrow;
+    using V = hn::Vec<decltype(d)>;
+    const V ax = hn::Set(d, m[0]), ay = hn::Set(d, m[1]), az = hn::Set(d, m[2]), a0 = hn::Set(d, m[3]);
+    const V bx = hn::Set(d, m[4]), by = hn::Set(d, m[5]), bz = hn::Set(d, m[6]), b0 = hn::Set(d, m[7]);
+    for (int i = 0; i < count; i += static_cast<int>(hn::MaxLanes(d))) {
+        hn::Vec<decltype(narrow)> px, py, pz;
+        hn::LoadInterleaved3(narrow, points + 3 * i, px, py, pz);
+        const V x = hn::PromoteTo(d, px), y = hn::PromoteTo(d, py), z = hn::PromoteTo(d, pz);
+        const V seen_u = hn::MulAdd(az, z, hn::MulAdd(ay, y, hn::MulAdd(ax, x, a0)));
+        const V seen_v = hn::MulAdd(bz, z, hn::MulAdd(by, y, hn::MulAdd(bx, x, b0)));
+        const V weight = hn::Load(d, w + i);
+        const V du = hn::Mul(weight, hn::Sub(hn::Load(d, u + i), seen_u));
+        const V dv = hn::Mul(weight, hn::Sub(hn::Load(d, v + i), seen_v));
+        hn::StoreInterleaved3(hn::DemoteTo(narrow, hn::MulAdd(ax, du, hn::Mul(bx, dv))),
+                              hn::DemoteTo(narrow, hn::MulAdd(ay, du, hn::Mul(by, dv))),
+                              hn::DemoteTo(narrow, hn::MulAdd(az, du, hn::Mul(bz, dv))), narrow, factors + 3 * i);
+    }
+}
+
 inline int nearest_point(const double* u, const double* v, int count, double to_u, double to_v, double* squared)
 {
     const hn::CappedTag<double, 8> d;
@@ -547,6 +570,7 @@ inline int nearest_point(const double* u, const double* v, int count, double to_
                                     solve_positive,
                                     transform_points,
                                     pose_moments,
+                                    residual_factors,
                                     nearest_point};
     return &kernels;
 #endif

@@ -66,6 +66,12 @@ struct Kernels
     /// `points` holds six rows x, y, z, u, v, w of `stride` doubles, a multiple of 8, zero beyond the points.
     void (*pose_moments)(const double* points, int stride, double* moments);
 
+    /// What weighted residuals ask of points x0 y0 z0 x1 ..., seen at (u[i], v[i]): factors[3i + a] = m[a] du + m[4 +
+    /// a] dv with du = w[i] (u[i] - m[0] x - m[1] y - m[2] z - m[3]), and dv likewise from m[4] on. Points up to a
+    /// multiple of 8 are read and written.
+    void (*residual_factors)(const float* points, const double* u, const double* v, const double* w, int count,
+                             const double* m, float* factors);
+
     /// Of the points (u[i], v[i]), i < count, the first of those nearest to (to_u, to_v); its squared distance is
     /// squared[that]. u and v have a multiple of 8 doubles, infinite beyond the points, and `squared` as many. The same
     /// of every set.

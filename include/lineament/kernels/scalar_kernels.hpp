@@ -154,6 +154,19 @@ inline void pose_moments(const double* points, int stride, double* moments)
     }
 }
 
+inline void residual_factors(const float* points, const double* u, const double* v, const double* w, int count,
+                             const double* m, float* factors)
+{
+    for (int i = 0; i < count; ++i) {
+        const double x = points[3 * i], y = points[3 * i + 1], z = points[3 * i + 2];
+        const double du = w[i] * (u[i] - (m[0] * x + m[1] * y + m[2] * z + m[3]));
+        const double dv = w[i] * (v[i] - (m[4] * x + m[5] * y + m[6] * z + m[7]));
+        for (int a = 0; a < 3; ++a) {
+            factors[3 * i + a] = static_cast<float>(m[a] * du + m[4 + a] * dv);
+        }
+    }
+}
+
 inline int nearest_point(const double* u, const double* v, int count, double to_u, double to_v, double* squared)
 {
     int nearest = 0;
@@ -184,6 +197,7 @@ namespace lineament::kernels {
                                       scalar::solve_positive,
                                       scalar::transform_points,
                                       scalar::pose_moments,
+                                      scalar::residual_factors,
                                       scalar::nearest_point};
     return table;
 }
