@@ -14,13 +14,14 @@ build_packages=(g++ cmake ninja-build ccache pkg-config libeigen3-dev libpng-dev
                 libxnnpack-dev libpthreadpool-dev libcpuinfo-dev libhwy-dev)
 test_packages=(clang libgtest-dev libgmock-dev libbenchmark-dev)
 
-say() { printf '%s\n' "$*" >&2; }
+exec {messages}>&2 # also from within a step, whose output goes into the log
+say() { printf '%s\n' "$*" >&"$messages"; }
 
 on_error() {
     say "" "lineament: step failed: $step_name"
     if [ -s "$log" ]; then
         say "last lines of its output (all of it: $log):"
-        tail -n 25 "$log" >&2
+        tail -n 25 "$log" >&"$messages"
     fi
     say "After mending the cause run the same command again; finished steps are not repeated."
 }
@@ -34,6 +35,17 @@ step() {
     say "== $step_name"
     "$@" > "$log" 2>&1
     say "   done ($((SECONDS - begin)) s)"
+}
+
+# try_step NAME COMMAND...: the same, but where the command fails the run goes on; the command must check its own parts.
+try_step() {
+    say "== $1"
+    local begin=$SECONDS
+    if "${@:2}" > "$log" 2>&1; then
+        say "   done ($((SECONDS - begin)) s)"
+    else
+        say "   not done; going on without: $(tail -n 1 "$log")"
+    fi
 }
 
 # Installs the missing ones of the named Debian packages; nothing is asked of apt if all are there.
@@ -63,7 +75,7 @@ configure() {
         "-DCMAKE_CXX_COMPILER_LAUNCHER=env;CCACHE_SLOPPINESS=pch_defines,time_macros;CCACHE_DEPEND=1;ccache" "$@"
 }
 
-# fetch_npm_package NAME VERSION FOLDER: unpacks the package into FOLDER unless it is there.
+# fetch_npm_package NAME VERSION FOLDER: unpacks the package into FOLDER unless it is there; 1 where it cannot be had.
 fetch_npm_package() {
     local name=$1 version=$2 folder=$3
     if [ -e "$folder/package.json" ]; then
@@ -71,9 +83,12 @@ fetch_npm_package() {
     fi
     local work
     work=$(mktemp -d)
-    (cd "$work" && npm pack --silent "$name@$version" > /dev/null)
-    mkdir -p "$folder.part"
-    tar -xzf "$work"/*.tgz -C "$folder.part" --strip-components=1
+    if ! (cd "$work" && npm pack --loglevel=error --fetch-retries=1 --fetch-retry-mintimeout=1000 "$name@$version" &&
+          mkdir -p "$folder.part" && tar -xzf ./*.tgz -C "$folder.part" --strip-components=1); then
+        rm -rf "$work" "$folder.part"
+        echo "$name@$version could not be fetched"
+        return 1
+    fi
     rm -rf "$work" "$folder"
     mv "$folder.part" "$folder"
 }

@@ -8,16 +8,22 @@ source "$(dirname "$0")/lib.sh"
 
 step "install what is missing" install_packages "${build_packages[@]}" "${test_packages[@]}"
 if command -v npm > /dev/null; then
-    step "fetch the glTF validator" fetch_npm_package gltf-validator 2.0.0-dev.3.10 "$cache/npm/node_modules/gltf-validator"
+    try_step "fetch the glTF validator" fetch_npm_package gltf-validator 2.0.0-dev.3.10 "$cache/npm/node_modules/gltf-validator"
     export LINEAMENT_GLTF_VALIDATOR=$cache/npm/node_modules
     if command -v chromium > /dev/null; then
-        step "fetch three.js" fetch_npm_package three 0.180.0 "$cache/npm/node_modules/three"
-        export LINEAMENT_THREE=$cache/npm/node_modules/three
+        try_step "fetch three.js" fetch_npm_package three 0.180.0 "$cache/npm/node_modules/three"
+        if [ -e "$cache/npm/node_modules/three/package.json" ]; then
+            export LINEAMENT_THREE=$cache/npm/node_modules/three
+        fi
     else
         say "== no chromium here: the tests with a browser will be skipped by name"
     fi
+    for package in face_detection@0.4.1657300184 face_mesh@0.4.1633559619; do # 12.5 MB; their networks: models/README.md
+        try_step "fetch MediaPipe's $package" \
+            fetch_npm_package "@mediapipe/${package%@*}" "${package#*@}" "$cache/npm/mediapipe-${package/@/-}"
+    done
 else
-    say "== no npm here: the tests with the glTF validator and with three.js will be skipped by name"
+    say "== no npm here: the tests with the glTF validator, three.js and MediaPipe's packages will be skipped by name"
 fi
 step "check the source tree" "$root/scripts/check-source.sh"
 step "configure" configure ci -DLINEAMENT_QUICK_BUILD=ON
