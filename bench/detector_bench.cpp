@@ -7,7 +7,7 @@
 // Times of detection and following are processor times, those of decoding are wall times on all cores.
 #include "detector_measures.hpp"
 #include "lineament/io/image_file.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 #include "lineament/vision/video.hpp"
 #include "photo_sets.hpp"
 
@@ -30,12 +30,12 @@ struct Calibration
     std::vector<double> confidence;  ///< Of annotated faces that were found.
     std::vector<double> beside_kept; ///< 1 if `follow`, started beside the face, believes to have one; else 0.
 
-    void add(FaceDetector& detector, const ImageU8& picture, const std::vector<DetectedFace>& faces,
+    void add(DlibDetector& detector, const ImageU8& picture, const std::vector<DetectedFace>& faces,
              const DetectedFace& face);
     void print() const;
 };
 
-void Calibration::add(FaceDetector& detector, const ImageU8& picture, const std::vector<DetectedFace>& faces,
+void Calibration::add(DlibDetector& detector, const ImageU8& picture, const std::vector<DetectedFace>& faces,
                       const DetectedFace& face)
 {
     Eigen::Matrix<double, 2, 51> points;
@@ -84,7 +84,7 @@ double milliseconds_since(std::chrono::steady_clock::time_point start)
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
 
-void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& calibration, ErrorsByYaw& by_yaw)
+void measure_set(DlibDetector& detector, const fs::path& folder, Calibration& calibration, ErrorsByYaw& by_yaw)
 {
     int annotated = 0;
     int unannotated = 0;
@@ -117,7 +117,7 @@ void measure_set(FaceDetector& detector, const fs::path& folder, Calibration& ca
                 unannotated, median(inner), median(all), median(times_ms));
 }
 
-void measure_video(FaceDetector& detector, const fs::path& path)
+void measure_video(DlibDetector& detector, const fs::path& path)
 {
     VideoReader reader(path.string());
     int frames = 0;
@@ -164,7 +164,7 @@ int main(int count, char** arguments)
     }
     try {
         const fs::path data = arguments[1];
-        std::optional<FaceDetector> detector;
+        std::optional<DlibDetector> detector;
         print_loading(detector);
         ErrorsByYaw by_yaw;
         std::printf("set                annotated  found other_faces inner51_%%  all68_%% ms/photo   (medians)\n");

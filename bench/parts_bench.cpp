@@ -23,7 +23,7 @@
 #include "lineament/report/face_view.hpp"
 #include "lineament/report/fit_report.hpp"
 #include "lineament/report/overlay.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 #include "support/rendered_person.hpp"
 #include "support/synthetic_face.hpp"
@@ -47,7 +47,7 @@ struct Scene
     std::vector<std::byte> png = format_png(photo);
     std::vector<std::byte> jpeg = format_jpeg(photo);
     MeshDetector mesh_detector;
-    FaceDetector face_detector;
+    DlibDetector face_detector;
     MeshFace mesh_face = mesh_detector.detect(photo).at(0);
 
     // A planted face of 68 points for the fit and its parts, at a yaw where one side is turned away.

@@ -9,14 +9,14 @@
 //
 // Errors are mean distances of the inner points 18 ... 68 from the annotation, in % of its outer-eye distance; medians
 // over the faces of a set. A fit has the default options. Rows of a set: the annotation itself, 68 points of
-// FaceDetector, 52 of MeshDetector as ibug68 (no outline but the chin), all 478 of MeshDetector; the fit's error is
+// DlibDetector, 52 of MeshDetector as ibug68 (no outline but the chin), all 478 of MeshDetector; the fit's error is
 // that of the model's projected landmarks.
 #include "fitters_of_method.hpp"
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/model_file.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 #include "options.hpp"
 #include "photo_sets.hpp"
@@ -97,7 +97,7 @@ using Sources = std::array<Source, 4>;
 
 Sources no_values()
 {
-    return {{{"annotation"}, {"FaceDetector"}, {"MeshDetector, 52"}, {"MeshDetector"}}};
+    return {{{"annotation"}, {"DlibDetector"}, {"MeshDetector, 52"}, {"MeshDetector"}}};
 }
 
 /// A face as found: its points as ibug68, to be compared, and in the scheme that it is fitted in.
@@ -177,7 +177,7 @@ void print_poses(const Sources& sources)
 
 void measure(const fs::path& data, const std::map<std::string, SetAngles>& angles_of, const std::string& method)
 {
-    FaceDetector face_detector;
+    DlibDetector face_detector;
     MeshDetector mesh_detector;
     const MorphableModel model = load_model(default_model_path());
     const FittersOfMethod fitters(model, method);

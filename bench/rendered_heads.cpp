@@ -10,11 +10,11 @@
 //
 // The heads and first views are those of cross_model (scaled orthographic; --distance-mm: perspective); further views
 // of a head are drawn alike. The program paints and renders them, 640 x 480, and fits with default options: the true 68
-// landmarks (jaw on the outline), the true 52 without the outline but the chin, 68 of FaceDetector, 52 of MeshDetector
+// landmarks (jaw on the outline), the true 52 without the outline but the chin, 68 of DlibDetector, 52 of MeshDetector
 // as ibug68, all 478 as the program fits them.
 //
 // Tables are of the odd heads that every source has; what is chosen or estimated is so on the even ones. Identity: NoW
-// protocol. --pictures: each picture, and beside it the points of MeshDetector (green), of FaceDetector (red) and the
+// protocol. --pictures: each picture, and beside it the points of MeshDetector (green), of DlibDetector (red) and the
 // true ones (white). Pose has two measures, as the axes of the two models differ:
 //
 //   laid on: the fitted neutral surface is laid on the true head (alignment of the NoW protocol); the angle left;
@@ -31,7 +31,7 @@
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 #include "lineament/render/draw.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
 #include <Eigen/Geometry>
@@ -61,7 +61,7 @@ enum Source
     mesh_478,
     num_sources,
 };
-constexpr std::array<const char*, num_sources> source_names = {"true 68", "true 52", "FaceDetector 68",
+constexpr std::array<const char*, num_sources> source_names = {"true 68", "true 52", "DlibDetector 68",
                                                                "MeshDetector 52", "MeshDetector 478"};
 template <typename Value>
 using BySource = std::array<Value, num_sources>;
@@ -71,7 +71,7 @@ struct Sighting
 {
     View view;
     BySource<std::optional<LandmarkSet>> landmarks;
-    std::array<std::optional<double>, 2> error_percent = {}; ///< FaceDetector, MeshDetector; points 18 ... 68.
+    std::array<std::optional<double>, 2> error_percent = {}; ///< DlibDetector, MeshDetector; points 18 ... 68.
 };
 
 double yaw_deg(const Sighting& sighting)
@@ -138,7 +138,7 @@ public:
     std::array<int, 2> num_false_alarms = {};
 
 private:
-    /// The picture, and beside it the mesh's points (green), FaceDetector's (red) and the true ones (white).
+    /// The picture, and beside it the mesh's points (green), DlibDetector's (red) and the true ones (white).
     void save(const ImageU8& picture, const Sighting& sighting)
     {
         ImageU8 sheet(2 * picture.width, picture.height, 3);
@@ -161,7 +161,7 @@ private:
 
     HeadPictures pictures_;
     std::string picture_folder_;
-    FaceDetector face_detector_ = FaceDetector();
+    DlibDetector face_detector_ = DlibDetector();
     MeshDetector mesh_detector_ = MeshDetector();
     int num_saved_ = 0;
 };
@@ -169,7 +169,7 @@ private:
 void print_detections(const std::vector<Subject>& subjects, const Observer& observer)
 {
     std::printf("views found, and the detectors' error: median over points 18 to 68, %% of the outer-eye distance\n"
-                "|yaw|        views   FaceDetector   error   MeshDetector   error\n");
+                "|yaw|        views   DlibDetector   error   MeshDetector   error\n");
     for (const auto& [from, to] : {std::pair(0, 15), std::pair(15, 30), std::pair(30, 45), std::pair(0, 45)}) {
         int num_views = 0;
         std::array<std::vector<double>, 2> errors;
@@ -189,7 +189,7 @@ void print_detections(const std::vector<Subject>& subjects, const Observer& obse
         std::printf("%2d to %2d deg %6d %14zu %7.2f %14zu %7.2f\n", from, to, num_views, errors[0].size(),
                     median(errors[0]), errors[1].size(), median(errors[1]));
     }
-    std::printf("found elsewhere: FaceDetector %d, MeshDetector %d\n\n", observer.num_false_alarms[0],
+    std::printf("found elsewhere: DlibDetector %d, MeshDetector %d\n\n", observer.num_false_alarms[0],
                 observer.num_false_alarms[1]);
     std::fflush(stdout);
 }

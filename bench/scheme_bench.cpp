@@ -12,7 +12,7 @@
 #include "lineament/io/image_file.hpp"
 #include "lineament/io/landmark_file.hpp"
 #include "lineament/io/model_file.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
 #include <algorithm>
@@ -223,7 +223,7 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
         }
     }
     std::sort(pictures.begin(), pictures.end());
-    FaceDetector detector;
+    DlibDetector detector;
     struct Method
     {
         std::string name;

@@ -34,3 +34,5 @@ install(FILES ${PROJECT_BINARY_DIR}/lineament-config.cmake ${PROJECT_BINARY_DIR}
         DESTINATION ${lineament_config_dir})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/models/ DESTINATION ${CMAKE_INSTALL_DATADIR}/lineament/models
         FILES_MATCHING PATTERN "*.safetensors" PATTERN "*.tflite" PATTERN "*.md")
+# The networks' licence, which is also the project's; their notice stands in models/README.md.
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/lineament/models)

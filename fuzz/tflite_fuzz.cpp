@@ -1,81 +1,72 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whatever the bytes, the network reader answers with a network or an IoError, and a network it accepts runs.
-// With clang, coverage-guided, from the project's folder:
-//   clang++ -std=c++20 -g -O1 -fsanitize=fuzzer,address,undefined -Iinclude -Isrc/vision -I/usr/include/eigen3
-//     fuzz/tflite_fuzz.cpp src/vision/{network_file,sha256,engine,engine_plain}.cpp -o tflite_fuzz
-//   ./tflite_fuzz -max_total_time=60 -max_len=3000000 models/
-// With any compiler, by random damage: the same without -fsanitize=fuzzer and with -DLINEAMENT_FUZZ_MAIN, then
-//   ./tflite_fuzz SECONDS models/*.tflite
+// Whatever the bytes, the network reader answers with a network or an IoError; a network it accepts runs, and the
+// detectors take it or refuse it with an IoError. How to run it, and from what: docs/vision.md.
 #include "engine.hpp"
+#include "face_boxes.hpp"
+#include "mesh_network.hpp"
 
 #include "lineament/core/error.hpp"
 
+#include <algorithm>
 #include <cstdint>
+
+namespace {
+
+using namespace lineament;
+using namespace lineament::network;
+
+/// Multiplications of a run, about.
+double work(const Network& network)
+{
+    double sum = 0.0;
+    for (const Step& step : network.steps) {
+        const double window = static_cast<double>(step.window_rows) * step.window_columns;
+        const double channels = step.operation == Operation::convolution ? network.tensors[step.inputs[0]].shape[3] : 1;
+        sum += window * channels * static_cast<double>(network.tensors[step.output].size());
+    }
+    return sum;
+}
+
+template <typename Use>
+void refused_or(const Use& use)
+{
+    try {
+        use();
+    } catch (const IoError&) {
+    }
+}
+
+} // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
 {
-    using namespace lineament::network;
-    try {
-        Network network = parse_network({reinterpret_cast<const char*>(data), size}, "fuzz");
-        std::size_t values = 0;
-        for (const Tensor& tensor : network.tensors) {
-            values += tensor.size();
-        }
+    refused_or([&] {
+        const Network network = parse_network({reinterpret_cast<const char*>(data), size}, "fuzz");
         // Not every network the reader accepts is small enough to run thousands of times.
-        if (values < std::size_t{1} << 18) {
-            make_plain_engine(std::move(network))->run();
+        if (work(network) < 5e7) {
+            make_plain_engine(network)->run();
         }
-    } catch (const lineament::IoError&) {
-    }
+        refused_or([&] { (void)BoxDetector(network); });
+        refused_or([&] { (void)MeshNetwork(network); });
+    });
     return 0;
 }
 
-#ifdef LINEAMENT_FUZZ_MAIN
+extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
 
-#include "lineament/core/random.hpp"
-
-#include <chrono>
-#include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
-#include <vector>
-
-int main(int count, char** arguments)
+/// The graph stands behind the constants, which fill most of a file: most changes go there.
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
+                                               unsigned int seed)
 {
-    std::vector<std::vector<std::uint8_t>> seeds;
-    for (int i = 2; i < count; ++i) {
-        std::ifstream file(arguments[i], std::ios::binary);
-        seeds.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+    constexpr std::size_t graph_size = 120'000;
+    if (seed % 4 == 0 || size <= graph_size) {
+        return LLVMFuzzerMutate(data, size, max_size);
     }
-    if (seeds.empty()) {
-        std::fprintf(stderr, "usage: tflite_fuzz SECONDS FILE...\n");
-        return 2;
-    }
-    lineament::Random random(1);
-    const auto below = [&random](std::size_t limit) {
-        return static_cast<std::size_t>(random.uniform() * static_cast<double>(limit));
-    };
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(std::atoi(arguments[1]));
-    std::size_t runs = 0;
-    for (; std::chrono::steady_clock::now() < end; ++runs) {
-        std::vector<std::uint8_t> bytes = seeds[runs % seeds.size()];
-        const std::size_t changes = 1 + below(8);
-        for (std::size_t k = 0; k < changes; ++k) {
-            // The graph stands behind the constants: most changes there, in the last 120 kB.
-            const std::size_t window = below(4) == 0 ? bytes.size() : std::size_t{120'000};
-            const std::size_t place = bytes.size() - 1 - below(std::min(window, bytes.size()));
-            constexpr std::uint8_t edges[] = {0x00, 0x01, 0x7f, 0x80, 0xff};
-            bytes[place] = below(2) == 0 ? edges[below(5)] : static_cast<std::uint8_t>(below(256));
-        }
-        if (below(16) == 0) {
-            bytes.resize(below(bytes.size()));
-        }
-        LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
-    }
-    std::printf("%zu runs\n", runs);
+    const std::size_t part = std::min<std::size_t>(graph_size, 64 + seed / 4 % graph_size);
+    std::uint8_t* const place = data + size - graph_size + (seed / 7) % (graph_size - part + 1);
+    // In place: offsets behind it stay right.
+    LLVMFuzzerMutate(place, part, part);
+    return size;
 }
-
-#endif

@@ -5,7 +5,7 @@
 
 #include "lineament/core/version.hpp"
 #include "lineament/io/model_file.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 #include "lineament/vision/video_writer.hpp"
 
@@ -56,7 +56,7 @@ std::string probe_mesh_detector()
 
 std::string probe_dlib()
 {
-    const FaceDetector detector;
+    const DlibDetector detector;
     return "--detector dlib: 68 landmarks; its trained model excludes commercial use (iBUG 300-W terms)";
 }
 

@@ -4,7 +4,7 @@
 
 #include "lineament/core/image.hpp"
 #include "lineament/core/landmarks.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
 #include <optional>
@@ -55,7 +55,7 @@ private:
     void load();
 
     FinderOptions options_;
-    std::optional<FaceDetector> dlib_;
+    std::optional<DlibDetector> dlib_;
     std::optional<MeshDetector> mesh_;
 };
 

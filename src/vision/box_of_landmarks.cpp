@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/core/checks.hpp"
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 
 #include <cmath>
 

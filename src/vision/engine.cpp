@@ -132,11 +132,7 @@ void Engine::run_small(const Step& step)
 
 std::unique_ptr<Engine> make_engine(Network network)
 {
-#ifdef LINEAMENT_WITH_XNNPACK
-    return make_xnnpack_engine(std::move(network));
-#else
-    return make_plain_engine(std::move(network));
-#endif
+    return xnnpack_starts() ? make_xnnpack_engine(std::move(network)) : make_plain_engine(std::move(network));
 }
 
 } // namespace lineament::network

@@ -54,11 +54,14 @@ protected:
 /// The engine in plain Eigen: the reference, and what runs where XNNPACK is not available.
 [[nodiscard]] std::unique_ptr<Engine> make_plain_engine(Network network);
 
+/// Whether the library was built with XNNPACK and this computer has what XNNPACK needs.
+[[nodiscard]] bool xnnpack_starts();
+
 /// The fast engine on XNNPACK, or nothing if the library was built without it.
-/// @throws IoError (system) if XNNPACK cannot be set up on this computer.
+/// @throws IoError (system) if XNNPACK cannot start on this computer or take the network.
 [[nodiscard]] std::unique_ptr<Engine> make_xnnpack_engine(Network network);
 
-/// The fastest engine there is.
+/// The engine on XNNPACK where that starts, else the plain one.
 [[nodiscard]] std::unique_ptr<Engine> make_engine(Network network);
 
 } // namespace lineament::network

@@ -224,6 +224,11 @@ private:
 
 } // namespace
 
+bool xnnpack_starts()
+{
+    return xnn_initialize(nullptr) == xnn_status_success;
+}
+
 std::unique_ptr<Engine> make_xnnpack_engine(Network network)
 {
     return std::make_unique<XnnpackEngine>(std::move(network));
@@ -234,6 +239,11 @@ std::unique_ptr<Engine> make_xnnpack_engine(Network network)
 #else
 
 namespace lineament::network {
+
+bool xnnpack_starts()
+{
+    return false;
+}
 
 std::unique_ptr<Engine> make_xnnpack_engine(Network)
 {

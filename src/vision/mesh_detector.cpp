@@ -14,10 +14,6 @@
 namespace lineament {
 namespace {
 
-constexpr const char* short_range_file = "face_detection_short_range.tflite";
-constexpr const char* full_range_file = "face_detection_full_range.tflite";
-constexpr const char* landmark_file = "face_landmark_with_attention.tflite";
-
 /// Above, a followed face needs no detector to confirm it.
 constexpr double sure_presence = 0.9;
 /// Of a followed face and the detection that confirms it, as intersection / union.
@@ -34,15 +30,15 @@ std::filesystem::path find_network_folder(const std::string& option)
     if (variable != nullptr && *variable != '\0') {
         return variable;
     }
-    for (const std::filesystem::path folder : {LINEAMENT_SOURCE_MODELS, LINEAMENT_INSTALLED_MODELS}) {
+    for (const std::filesystem::path folder : {LINEAMENT_INSTALLED_MODELS, LINEAMENT_SOURCE_MODELS}) {
         std::error_code ignored;
-        if (std::filesystem::is_regular_file(folder / landmark_file, ignored)) {
+        if (std::filesystem::is_regular_file(folder / network::landmark_network.file, ignored)) {
             return folder;
         }
     }
-    throw IoError(IoErrorKind::system, landmark_file, "",
+    throw IoError(IoErrorKind::system, std::string(network::landmark_network.file), "",
                   std::string("the face detection networks are not there; looked at LINEAMENT_NETWORKS (not set), ") +
-                      LINEAMENT_SOURCE_MODELS + ", " + LINEAMENT_INSTALLED_MODELS +
+                      LINEAMENT_INSTALLED_MODELS + ", " + LINEAMENT_SOURCE_MODELS +
                       "; set LINEAMENT_NETWORKS or give their folder");
 }
 
@@ -118,11 +114,21 @@ void store(const MeshEstimate& estimate, double score, MeshFace& face)
 
 struct MeshDetector::Implementation
 {
-    explicit Implementation(const std::filesystem::path& folder)
-        : short_range(network::load_network((folder / short_range_file).string())),
-          full_range(network::load_network((folder / full_range_file).string())),
-          mesh(network::load_network((folder / landmark_file).string()))
-    {}
+    Implementation(const std::filesystem::path& folder, NetworkTrust trust)
+        : short_range(load(folder, network::short_range_network, trust)),
+          full_range(load(folder, network::full_range_network, trust)),
+          mesh(load(folder, network::landmark_network, trust))
+    {
+        near_faces.reserve(short_range.max_faces());
+        far_faces.reserve(full_range.max_faces());
+    }
+
+    static network::Network load(const std::filesystem::path& folder, const network::KnownNetwork& known,
+                                 NetworkTrust trust)
+    {
+        return network::load_network((folder / known.file).string(),
+                                     trust == NetworkTrust::known_only ? known.sha256 : std::string_view());
+    }
 
     BoxDetector short_range;
     BoxDetector full_range;
@@ -131,19 +137,21 @@ struct MeshDetector::Implementation
     std::vector<BoxedFace> far_faces = {};
     MeshEstimate first = {};
     MeshEstimate second = {};
+    int num_left_out = 0;
 
-    /// Adds the meshes of the boxed faces that pass the presence threshold and are not there yet.
-    void add_meshes(const ImageU8& picture, const std::vector<BoxedFace>& boxed, double presence_threshold,
+    /// Adds the meshes of the boxed faces that pass the presence threshold and are not there yet; the boxes that fail
+    /// are erased.
+    void add_meshes(const ImageU8& picture, std::vector<BoxedFace>& boxed, double presence_threshold,
                     std::vector<MeshFace>& faces)
     {
-        for (const BoxedFace& candidate : boxed) {
+        std::erase_if(boxed, [&](const BoxedFace& candidate) {
             const SquareWindow window = window_of(candidate);
             if (!is_usable(window, picture)) {
-                continue;
+                return true;
             }
             mesh.estimate(picture, window, first);
             if (!(first.presence >= presence_threshold)) {
-                continue;
+                return true;
             }
             const auto twin = std::find_if(faces.begin(), faces.end(), [&](const MeshFace& face) {
                 return intersection_over_union(box_around(face.points), box_around(first.points)) > max_mesh_overlap;
@@ -153,7 +161,21 @@ struct MeshDetector::Implementation
             } else if (first.presence > twin->presence) {
                 store(first, candidate.score, *twin);
             }
-        }
+            return false;
+        });
+    }
+
+    /// The faces of both networks.
+    void add_merged(const ImageU8& picture, double presence_threshold, std::vector<MeshFace>& faces)
+    {
+        merge_faces(near_faces, far_faces);
+        add_meshes(picture, near_faces, presence_threshold, faces);
+        // Where the better box of two is a false alarm, the other one may still hold a face.
+        std::erase_if(far_faces, [&](const BoxedFace& loser) {
+            return std::any_of(near_faces.begin(), near_faces.end(),
+                               [&](const BoxedFace& passed) { return are_rivals(passed, loser); });
+        });
+        add_meshes(picture, far_faces, presence_threshold, faces);
     }
 
     /// The boxed face that overlaps the box most, if any does enough.
@@ -202,7 +224,7 @@ struct MeshDetector::Implementation
 };
 
 MeshDetector::MeshDetector(const MeshDetectorOptions& options)
-    : implementation_(std::make_unique<Implementation>(find_network_folder(options.network_folder)))
+    : implementation_(std::make_unique<Implementation>(find_network_folder(options.network_folder), options.trust))
 {}
 
 MeshDetector::~MeshDetector() = default;
@@ -219,6 +241,7 @@ std::vector<MeshFace> MeshDetector::detect(const ImageU8& picture, const MeshDet
     require(options.presence_threshold >= 0.0 && options.presence_threshold <= 1.0, function, "presence_threshold",
             "a number in [0, 1]", to_text(options.presence_threshold));
     std::vector<MeshFace> faces;
+    implementation_->num_left_out = 0;
     if (picture.empty()) {
         return faces;
     }
@@ -229,16 +252,21 @@ std::vector<MeshFace> MeshDetector::detect(const ImageU8& picture, const MeshDet
     }
     if (faces.empty()) {
         parts.full_range.detect(picture, options.score_threshold, parts.far_faces);
-        merge_faces(parts.near_faces, parts.far_faces);
-        parts.add_meshes(picture, parts.near_faces, options.presence_threshold, faces);
+        parts.add_merged(picture, options.presence_threshold, faces);
     }
     const auto area = [](const MeshFace& face) { return face.box.width * face.box.height; };
     std::stable_sort(faces.begin(), faces.end(),
                      [&](const MeshFace& a, const MeshFace& b) { return area(a) > area(b); });
     if (faces.size() > static_cast<std::size_t>(options.max_faces)) {
+        parts.num_left_out = static_cast<int>(faces.size()) - options.max_faces;
         faces.resize(static_cast<std::size_t>(options.max_faces));
     }
     return faces;
+}
+
+int MeshDetector::num_left_out() const
+{
+    return implementation_->num_left_out;
 }
 
 std::optional<MeshFace> MeshDetector::follow(const ImageU8& picture, const LandmarkSet& previous)

@@ -5,17 +5,42 @@
 // Computer Vision for Augmented and Virtual Reality 2020.
 #include "mesh_network.hpp"
 
+#include "lineament/core/error.hpp"
+
+#include <algorithm>
 #include <cmath>
 
 namespace lineament {
+namespace {
+
+constexpr int num_lip_points = 80;
+constexpr int num_eye_points = 71;
+constexpr int num_lid_points = 16; // the first ones of an eye: its two lids
+constexpr int num_iris_points = 5;
+
+} // namespace
 
 MeshNetwork::MeshNetwork(network::Network network)
 {
+    network::expect_shapes(network, {1, size, size, 3},
+                           {3 * num_surface_points, 2 * num_lip_points, 2 * num_eye_points, 2 * num_eye_points,
+                            2 * num_iris_points, 2 * num_iris_points, 1});
     // The regions' points are in the order of the outputs that replace them.
     for (const network::Step& step : network.steps) {
         if (step.operation == network::Operation::region_matrix) {
             refined_.push_back(step.region.points);
         }
+    }
+    const std::vector<std::size_t> expected = {num_lip_points, num_eye_points, num_eye_points};
+    const bool agree = refined_.size() == expected.size() &&
+                       std::equal(refined_.begin(), refined_.end(), expected.begin(),
+                                  [](const std::vector<int>& points, std::size_t count) {
+                                      return points.size() == count && *std::max_element(points.begin(), points.end()) <
+                                                                           static_cast<int>(num_surface_points);
+                                  });
+    if (!agree) {
+        throw IoError(IoErrorKind::content, network.path, "Landmarks2TransformMatrix",
+                      "expected regions of 80, 71 and 71 of the 468 points, found others");
     }
     engine_ = network::make_engine(std::move(network));
 }
@@ -37,8 +62,6 @@ void MeshNetwork::estimate(const ImageU8& picture, const SquareWindow& window, M
             points.col(refined_[part][i]).head<2>() = point(part + 1, static_cast<int>(i), 2);
         }
     }
-    constexpr int num_iris_points = 5;
-    constexpr int num_lid_points = 16; // the first ones of an eye: its two lids
     for (int eye = 0; eye < 2; ++eye) {
         float depth = 0.0f;
         for (int i = 0; i < num_lid_points; ++i) {

@@ -26,6 +26,7 @@ struct MeshEstimate
 class MeshNetwork
 {
 public:
+    /// @throws IoError if the network has another input, other outputs or other regions.
     explicit MeshNetwork(network::Network network);
 
     /// The points of the face in the window; allocates nothing.

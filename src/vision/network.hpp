@@ -76,6 +76,7 @@ struct Step
 /// A feed-forward network: steps in an order in which every input is known; every shape has been checked.
 struct Network
 {
+    std::string path = {}; ///< Of its file, for messages.
     std::vector<Tensor> tensors = {};
     std::vector<Step> steps = {};
     int input = 0;
@@ -99,14 +100,30 @@ enum class ShaCode
 /// @par Reference  FIPS 180-4.
 [[nodiscard]] std::string sha256(std::string_view bytes, ShaCode code = ShaCode::fastest);
 
-enum class NetworkTrust
+/// A network that was tested with this library: models/README.md.
+struct KnownNetwork
 {
-    known_only, ///< Only the networks that were tested with this library, told by their SHA-256.
-    any         ///< Any file the reader accepts. XNNPACK aborts the process on some graphs it does not like.
+    std::string_view file;
+    std::string_view sha256;
 };
 
+inline constexpr KnownNetwork short_range_network = {
+    "face_detection_short_range.tflite", "3bc182eb9f33925d9e58b5c8d59308a760f4adea8f282370e428c51212c26633"};
+inline constexpr KnownNetwork full_range_network = {"face_detection_full_range.tflite",
+                                                    "99bf9494d84f50acc6617d89873f71bf6635a841ea699c17cb3377f9507cfec3"};
+inline constexpr KnownNetwork landmark_network = {"face_landmark_with_attention.tflite",
+                                                  "883b7411747bac657c30c462d305d312e9dec6adbf8b85e2f5d8d722fca9455d"};
+
 /// parse_network of a file's content.
-/// @throws IoError also if the file is missing, larger than 64 MB or, under known_only, not one of the known networks.
-[[nodiscard]] Network load_network(const std::string& path, NetworkTrust trust = NetworkTrust::known_only);
+/// @param expected_sha256  Empty: any file the reader accepts. XNNPACK aborts the process on some graphs it does not
+/// like.
+/// @throws IoError also if the file is missing, larger than 64 MB or of another SHA-256.
+[[nodiscard]] Network load_network(const std::string& path, std::string_view expected_sha256);
+
+/// What stands behind a network's input and outputs, for use by position.
+/// @param output_sizes  Values of each output, in the order of the file.
+/// @throws IoError if the network has another input shape or other outputs.
+void expect_shapes(const Network& network, const std::vector<int>& input_shape,
+                   const std::vector<std::size_t>& output_sizes);
 
 } // namespace lineament::network

@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "network_reader.hpp"
 
-#include <algorithm>
-#include <array>
 #include <filesystem>
 #include <fstream>
 
@@ -12,14 +10,26 @@ namespace {
 
 constexpr std::size_t max_file_size = std::size_t{64} << 20;
 
+template <typename Number>
+std::string listed(const std::vector<Number>& numbers, const char* separator)
+{
+    std::string text;
+    for (const Number number : numbers) {
+        text += (text.empty() ? "" : separator) + std::to_string(number);
+    }
+    return text.empty() ? "none" : text;
+}
+
 } // namespace
 
 Network parse_network(std::string_view bytes, const std::string& path)
 {
-    return NetworkReader(bytes, path).read();
+    Network network = NetworkReader(bytes, path).read();
+    network.path = path;
+    return network;
 }
 
-Network load_network(const std::string& path, NetworkTrust trust)
+Network load_network(const std::string& path, std::string_view expected_sha256)
 {
     std::error_code error;
     const std::uintmax_t size = std::filesystem::file_size(path, error);
@@ -35,16 +45,33 @@ Network load_network(const std::string& path, NetworkTrust trust)
     if (static_cast<std::uintmax_t>(file.gcount()) != size) {
         throw IoError(IoErrorKind::system, path, "", "reading failed");
     }
-    // face_detection_short_range, face_detection_full_range, face_landmark_with_attention: models/README.md
-    static constexpr std::array<std::string_view, 3> known = {
-        "3bc182eb9f33925d9e58b5c8d59308a760f4adea8f282370e428c51212c26633",
-        "99bf9494d84f50acc6617d89873f71bf6635a841ea699c17cb3377f9507cfec3",
-        "883b7411747bac657c30c462d305d312e9dec6adbf8b85e2f5d8d722fca9455d"};
-    if (trust == NetworkTrust::known_only && std::find(known.begin(), known.end(), sha256(bytes)) == known.end()) {
-        throw IoError(IoErrorKind::content, path, "",
-                      "expected one of the networks listed in models/README.md, found a file of another SHA-256");
+    if (!expected_sha256.empty()) {
+        const std::string found = sha256(bytes);
+        if (found != expected_sha256) {
+            throw IoError(IoErrorKind::content, path, "",
+                          "expected the network of SHA-256 " + std::string(expected_sha256) +
+                              " (models/README.md), found " + found);
+        }
     }
     return parse_network(bytes, path);
+}
+
+void expect_shapes(const Network& network, const std::vector<int>& input_shape,
+                   const std::vector<std::size_t>& output_sizes)
+{
+    const std::vector<int>& found_input = network.tensors[network.input].shape;
+    if (found_input != input_shape) {
+        throw IoError(IoErrorKind::content, network.path, "input",
+                      "expected " + listed(input_shape, " x ") + " values, found " + listed(found_input, " x "));
+    }
+    std::vector<std::size_t> found_sizes;
+    for (const int output : network.outputs) {
+        found_sizes.push_back(network.tensors[output].size());
+    }
+    if (found_sizes != output_sizes) {
+        throw IoError(IoErrorKind::content, network.path, "outputs",
+                      "expected " + listed(output_sizes, ", ") + " values, found " + listed(found_sizes, ", "));
+    }
 }
 
 } // namespace lineament::network

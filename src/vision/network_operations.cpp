@@ -146,6 +146,10 @@ std::vector<int> NetworkReader::describe_convolution(const FlatTable& entry, con
     std::vector<int> result;
     read_strides(entry, options, map, result, step);
     result[3] = channels;
+    // The plain engine lays the windows of one row side by side.
+    constexpr std::int64_t max_windows = std::int64_t{1} << 24;
+    const std::int64_t row = std::int64_t{result[2]} * kernel[1] * kernel[2];
+    expect(row <= max_windows && row * kernel[3] <= max_windows, entry, "a convolution that is too large");
     return result;
 }
 

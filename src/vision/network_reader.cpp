@@ -15,7 +15,8 @@ namespace lineament::network {
 namespace {
 
 constexpr std::size_t max_tensors = 4096;
-constexpr std::size_t max_values = std::size_t{1} << 22; // of one tensor
+constexpr std::size_t max_values = std::size_t{1} << 22;     // of one tensor
+constexpr std::size_t max_all_values = std::size_t{1} << 26; // of all tensors
 constexpr std::size_t max_constants = std::size_t{1} << 24;
 
 } // namespace
@@ -95,6 +96,7 @@ void NetworkReader::read_tensors(const FlatTable& model, const FlatTable& graph)
     if (tensors.count > max_tensors) {
         bytes_.fail(graph.place(), std::to_string(tensors.count) + " tensors");
     }
+    std::size_t all_values = 0;
     for (std::size_t i = 0; i < tensors.count; ++i) {
         const FlatTable entry = graph.element(tensors, i);
         Tensor tensor;
@@ -108,6 +110,10 @@ void NetworkReader::read_tensors(const FlatTable& model, const FlatTable& graph)
             }
             size *= static_cast<std::size_t>(length);
             tensor.shape.push_back(length);
+        }
+        all_values += size;
+        if (all_values > max_all_values) {
+            bytes_.fail(entry.place(), "tensors that are too large together");
         }
         const auto type = entry.number<std::int8_t>(1, 0);
         if (type < 0 || type > 2 || entry.has(6)) {

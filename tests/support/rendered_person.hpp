@@ -24,6 +24,7 @@ public:
         const Eigen::VectorXd shape = 0.7 * random_normal(random, model.shape.num_coefficients());
         const Eigen::VectorXf color = model.color->instance(random_normal(random, model.color->num_coefficients()));
         mesh_ = model.mesh_of(model.shape.instance(shape));
+        mesh_points_ = model.find_landmark_map("mediapipe478")->points_on(mesh_.vertices).cast<double>();
         mesh_.colors =
             Eigen::Map<const Eigen::Matrix3Xf>(color.data(), 3, model.num_vertices()).cwiseMax(0.0f).cwiseMin(1.0f);
     }
@@ -37,8 +38,23 @@ public:
         return render_mesh(mesh_, camera, width, height, options);
     }
 
+    /// Where the model's 478 points of MediaPipe lie in that picture, hidden ones too [px].
+    [[nodiscard]] Eigen::Matrix2Xd mesh_points(double yaw_deg, int width, int height, double margin = 0.12) const
+    {
+        const Camera camera = frame_camera(mesh_, {radians(yaw_deg), 0.0, 0.0}, width, height, margin);
+        return camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(mesh_points_));
+    }
+
+    /// Of the outer corners of the eyes in that picture, were they seen from the front [px].
+    [[nodiscard]] double outer_eye_distance_px(double yaw_deg, int width, int height, double margin = 0.12) const
+    {
+        const Camera camera = frame_camera(mesh_, {radians(yaw_deg), 0.0, 0.0}, width, height, margin);
+        return camera.scale_px_per_mm * (mesh_points_.col(33) - mesh_points_.col(263)).norm();
+    }
+
 private:
     Mesh mesh_;
+    Eigen::Matrix3Xd mesh_points_;
 };
 
 /// Two RGB pictures of one size side by side.

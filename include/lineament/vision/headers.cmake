@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: The Lineament authors
 # SPDX-License-Identifier: Apache-2.0
 set(headers
-    face_detector.hpp
+    dlib_detector.hpp
+    face_box.hpp
     mesh_detector.hpp
     short_runs.hpp
     video_reader.hpp

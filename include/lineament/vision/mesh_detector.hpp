@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/core/image.hpp"
+#include "lineament/core/landmarks.hpp"
+#include "lineament/vision/face_box.hpp"
 
 #include <Eigen/Core>
 
@@ -24,16 +26,27 @@ struct MeshFace
     Eigen::Matrix3Xf points = {};
 };
 
+/// Which network files MeshDetector takes.
+enum class NetworkTrust
+{
+    known_only, ///< Those tested with this library, each in its place, told by their SHA-256.
+    /// Every network of the right input and outputs, for example one trained anew. The file's numbers are checked, but
+    /// XNNPACK aborts the process on some graphs it does not like: for files from people you trust only.
+    any
+};
+
 struct MeshDetectorOptions
 {
     /// Folder of the three networks (models/README.md). Empty: $LINEAMENT_NETWORKS, else the installed ones, else those
     /// of the source tree the library was built from.
     std::string network_folder = {};
+    NetworkTrust trust = NetworkTrust::known_only;
 };
 
 struct MeshDetectionOptions
 {
-    /// 1: the near-range network, and the far-range one only if that finds nothing: fastest. More: both, merged.
+    /// The largest faces are given, at most so many: see num_left_out. 1: the near-range network, and the far-range one
+    /// only if that finds nothing: fastest. More: both, merged.
     int max_faces = 16;
     double score_threshold = 0.5;    ///< Detections below are dropped, (0, 1). 0.6 loses one face in twenty.
     double presence_threshold = 0.5; ///< Faces below are false alarms and dropped, [0, 1].
@@ -43,7 +56,7 @@ struct MeshDetectionOptions
 ///
 /// Finds faces in profile too, but the points hold up to about 65 degrees of yaw only. Pictures are sampled at 128 x
 /// 128 or 192 x 192 points, so that time does not depend on their size. Points are sub-pixel. Not thread-safe: one
-/// detector for each thread (34 MB each). Same picture, same answer.
+/// detector for each thread (35 MB each). Same picture, same answer.
 ///
 /// @par Reference  Bazarevsky et al., BlazeFace: Sub-millisecond Neural Face Detection on Mobile GPUs, CVPR Workshop
 ///                 2019; Kartynnik et al., Real-time Facial Surface Geometry from Monocular Video on Mobile GPUs, CVPR
@@ -53,7 +66,7 @@ class MeshDetector
 {
 public:
     /// Loads the networks, 3.8 MB: make one detector and keep it.
-    /// @throws IoError if a network is missing or not the one it should be.
+    /// @throws IoError if a network is missing, damaged or not the one of its name, and what was expected and found.
     explicit MeshDetector(const MeshDetectorOptions& options = {});
     ~MeshDetector();
     MeshDetector(MeshDetector&&) noexcept;
@@ -62,6 +75,10 @@ public:
     /// The faces of an RGB picture, largest first; none is a normal answer.
     /// @throws InvalidArgument unless the picture has three channels (it may be empty) and the options are in range.
     [[nodiscard]] std::vector<MeshFace> detect(const ImageU8& picture, const MeshDetectionOptions& options = {});
+
+    /// How many faces the last call of detect found beyond max_faces and left out, the smaller ones. Under max_faces =
+    /// 1 it counts those of one network only.
+    [[nodiscard]] int num_left_out() const;
 
     /// The face of the previous video frame found again from its points; in doubt, that is at a presence below 0.9, the
     /// detector must confirm it.
@@ -72,7 +89,7 @@ public:
     [[nodiscard]] std::optional<MeshFace> follow(const ImageU8& picture, const LandmarkSet& previous);
 
     /// As follow, but overwrites the face, whose `points` are taken as the previous ones; allocates nothing once the
-    /// face has been through detect, follow or this (with XNNPACK).
+    /// face has been through detect, follow or this, also where a detector must confirm it (with XNNPACK).
     /// @return Whether the face was found; if not, it is left as it was.
     [[nodiscard]] bool follow_in_place(const ImageU8& picture, MeshFace& face);
 

@@ -4,6 +4,7 @@
 
 #include "lineament/core/image.hpp"
 #include "lineament/core/landmarks.hpp"
+#include "lineament/vision/face_box.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -13,18 +14,6 @@
 
 namespace lineament {
 
-/// An upright square or rectangle around a face, in image space [px]; may reach beyond the picture.
-struct FaceBox
-{
-    double left = 0.0;
-    double top = 0.0;
-    double width = 0.0;
-    double height = 0.0;
-    double score = 0.0; ///< Margin of the detector: above 0 a face, above 1 beyond doubt. 0 where no detector ran.
-
-    bool operator==(const FaceBox&) const = default;
-};
-
 /// A face with its 68 landmarks (scheme ibug68).
 struct DetectedFace
 {
@@ -33,7 +22,7 @@ struct DetectedFace
     double confidence = 1.0; ///< [0, 1], that this is a face whose landmarks lie on it.
 };
 
-struct FaceDetectorOptions
+struct DlibDetectorOptions
 {
     /// File of dlib's 68-point shape predictor. Empty: $LINEAMENT_LANDMARK_MODEL, else where Debian's package
     /// libdlib-data puts it.
@@ -45,7 +34,7 @@ struct DetectionOptions
     /// Smallest height of a face box searched [px]. 0: 80 px, and 40 px if nothing is found. Large values are fast.
     double min_face_size_px = 0.0;
     double score_threshold = 0.0; ///< Detections below are dropped as false alarms.
-    double max_overlap = 0.4;     ///< Of two boxes that overlap more, as intersection / union, the better stays.
+    double max_overlap = 0.4;     ///< Of two boxes that share more of the smaller one's area the better stays, [0, 1].
     std::int64_t max_search_pixels =
         4'000'000; ///< The picture is searched at this size at most; bounds time and memory.
 };
@@ -58,15 +47,16 @@ struct DetectionOptions
 /// @par Reference  Dalal and Triggs, Histograms of Oriented Gradients for Human Detection, CVPR 2005; Kazemi and
 ///                 Sullivan, One Millisecond Face Alignment with an Ensemble of Regression Trees, CVPR 2014.
 /// @par Licence    The landmark model was trained on iBUG 300-W, whose terms exclude commercial use: docs/vision.md.
-class FaceDetector
+class DlibDetector
 {
 public:
     /// Loads the landmark model, about 100 MB: make one detector and keep it.
-    /// @throws IoError if the model is missing, cut or of another kind; the message says what to do.
-    explicit FaceDetector(const FaceDetectorOptions& options = {});
-    ~FaceDetector();
-    FaceDetector(FaceDetector&&) noexcept;
-    FaceDetector& operator=(FaceDetector&&) noexcept;
+    /// @throws IoError if the model is missing, cut or of another kind, or the library was built without dlib
+    /// (LINEAMENT_WITH_DLIB); the message says what to do.
+    explicit DlibDetector(const DlibDetectorOptions& options = {});
+    ~DlibDetector();
+    DlibDetector(DlibDetector&&) noexcept;
+    DlibDetector& operator=(DlibDetector&&) noexcept;
 
     /// The faces of an RGB picture, largest first; none is a normal answer.
     /// @throws InvalidArgument unless the picture has three channels (it may be empty) and the options are in range.

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 
 #include "lineament/core/error.hpp"
 #include "lineament/core/random.hpp"
@@ -25,9 +25,9 @@ constexpr const char* landmark_model = "/usr/share/dlib/shape_predictor_68_face_
         GTEST_SKIP() << landmark_model << " not found (apt-get install libdlib-data)";                                 \
     }
 
-FaceDetector& detector()
+DlibDetector& detector()
 {
-    static FaceDetector instance;
+    static DlibDetector instance;
     return instance;
 }
 
@@ -54,10 +54,10 @@ double inner_difference(const LandmarkSet& a, const LandmarkSet& b)
     return sum / (51.0 * eyes);
 }
 
-TEST(FaceDetector, ModelThatIsMissingOrOfAnotherKindIsNamed)
+TEST(DlibDetector, ModelThatIsMissingOrOfAnotherKindIsNamed)
 {
     const test::TemporaryFolder folder;
-    const auto load = [&](const std::string& name) { FaceDetector({.landmark_model = folder / name}); };
+    const auto load = [&](const std::string& name) { DlibDetector({.landmark_model = folder / name}); };
     EXPECT_TRUE(throws<IoError>([&] { load("none.dat"); }, "none.dat", "apt-get install libdlib-data"));
     EXPECT_TRUE(throws<IoError>([&] { load(""); }, "not found"));
     std::ofstream(folder / "empty.dat").flush();
@@ -70,17 +70,17 @@ TEST(FaceDetector, ModelThatIsMissingOrOfAnotherKindIsNamed)
     EXPECT_TRUE(throws<IoError>([&] { load("text.dat"); }, "text.dat", "68-point shape predictor"));
 }
 
-TEST(FaceDetector, CutModelIsNamed)
+TEST(DlibDetector, CutModelIsNamed)
 {
     REQUIRE_LANDMARK_MODEL();
     const test::TemporaryFolder folder;
     std::string start(100'000, '\0');
     std::ifstream(landmark_model, std::ios::binary).read(start.data(), static_cast<std::streamsize>(start.size()));
     std::ofstream(folder / "cut.dat", std::ios::binary) << start;
-    EXPECT_TRUE(throws<IoError>([&] { FaceDetector({.landmark_model = folder / "cut.dat"}); }, "cut.dat", "cut file"));
+    EXPECT_TRUE(throws<IoError>([&] { DlibDetector({.landmark_model = folder / "cut.dat"}); }, "cut.dat", "cut file"));
 }
 
-TEST(FaceDetector, PicturesWithoutAFaceGiveNone)
+TEST(DlibDetector, PicturesWithoutAFaceGiveNone)
 {
     REQUIRE_LANDMARK_MODEL();
     EXPECT_TRUE(detector().detect({}).empty());
@@ -95,7 +95,7 @@ TEST(FaceDetector, PicturesWithoutAFaceGiveNone)
     EXPECT_TRUE(detector().detect(noise).empty());
 }
 
-TEST(FaceDetector, BrokenContractsAreRefused)
+TEST(DlibDetector, BrokenContractsAreRefused)
 {
     REQUIRE_LANDMARK_MODEL();
     const ImageU8 picture(100, 100, 3);
@@ -113,7 +113,7 @@ TEST(FaceDetector, BrokenContractsAreRefused)
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)detector().follow(picture, {}); }, "18"));
 }
 
-TEST(FaceDetector, FollowingWhereThereIsNoFaceIsLost)
+TEST(DlibDetector, FollowingWhereThereIsNoFaceIsLost)
 {
     REQUIRE_LANDMARK_MODEL();
     const ImageU8 blank(400, 300, 3, 90);
@@ -136,7 +136,7 @@ TEST(BoxOf, MovesAndGrowsWithTheLandmarks)
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)box_of(bad); }, "31"));
 }
 
-TEST(FaceDetector, FollowsARealFaceWithTheSameLandmarksAsDetection)
+TEST(DlibDetector, FollowsARealFaceWithTheSameLandmarksAsDetection)
 {
     REQUIRE_LANDMARK_MODEL();
     LINEAMENT_REQUIRE_REAL_DATA("video/obama_address.mp4");
@@ -160,7 +160,7 @@ TEST(FaceDetector, FollowsARealFaceWithTheSameLandmarksAsDetection)
     }
 }
 
-TEST(FaceDetector, FollowingLosesTheFaceWhenTheSceneChanges)
+TEST(DlibDetector, FollowingLosesTheFaceWhenTheSceneChanges)
 {
     REQUIRE_LANDMARK_MODEL();
     LINEAMENT_REQUIRE_REAL_DATA("video/no_face.mp4");
@@ -186,7 +186,7 @@ bool is_sound(const LandmarkSet& set, const ImageU8& picture)
            });
 }
 
-TEST(FaceDetector, FindsAnnotatedFacesNearTheirAnnotation)
+TEST(DlibDetector, FindsAnnotatedFacesNearTheirAnnotation)
 {
     REQUIRE_LANDMARK_MODEL();
     LINEAMENT_REQUIRE_REAL_DATA("images/helen_test");
@@ -216,7 +216,7 @@ TEST(FaceDetector, FindsAnnotatedFacesNearTheirAnnotation)
     EXPECT_LE(errors[errors.size() / 2], 0.03); // measured: 0.018, docs/vision.md
 }
 
-TEST(FaceDetector, EverySingleFacePhotoHasAFace)
+TEST(DlibDetector, EverySingleFacePhotoHasAFace)
 {
     REQUIRE_LANDMARK_MODEL();
     LINEAMENT_REQUIRE_REAL_DATA("images/lfpw_same_person");
@@ -237,7 +237,7 @@ TEST(FaceDetector, EverySingleFacePhotoHasAFace)
     EXPECT_GT(num_photos, 0);
 }
 
-TEST(FaceDetector, SeveralFacesComeLargestFirst)
+TEST(DlibDetector, SeveralFacesComeLargestFirst)
 {
     REQUIRE_LANDMARK_MODEL();
     LINEAMENT_REQUIRE_REAL_DATA("images/face_recognition/two_people.jpg");
@@ -247,7 +247,7 @@ TEST(FaceDetector, SeveralFacesComeLargestFirst)
     EXPECT_GE(faces[0].box.width * faces[0].box.height, faces[1].box.width * faces[1].box.height);
 }
 
-TEST(FaceDetector, SmallAndLargeCopiesOfAPhotoGiveTheSameFace)
+TEST(DlibDetector, SmallAndLargeCopiesOfAPhotoGiveTheSameFace)
 {
     REQUIRE_LANDMARK_MODEL();
     LINEAMENT_REQUIRE_REAL_DATA("images/face_recognition/obama.jpg");

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The only file that includes dlib: its headers take long to compile.
-#include "lineament/vision/face_detector.hpp"
+#include "lineament/vision/dlib_detector.hpp"
 
 #include "grey_crop.hpp"
 #include "lineament/core/checks.hpp"
@@ -138,7 +138,7 @@ double confidence_of(double disagreement)
 
 } // namespace
 
-struct FaceDetector::Implementation
+struct DlibDetector::Implementation
 {
     dlib::frontal_face_detector detector = dlib::get_frontal_face_detector();
     dlib::shape_predictor predictor;
@@ -220,18 +220,18 @@ struct FaceDetector::Implementation
     }
 };
 
-FaceDetector::FaceDetector(const FaceDetectorOptions& options) : implementation_(std::make_unique<Implementation>())
+DlibDetector::DlibDetector(const DlibDetectorOptions& options) : implementation_(std::make_unique<Implementation>())
 {
     implementation_->predictor = load_landmark_model(find_landmark_model(options.landmark_model));
 }
 
-FaceDetector::~FaceDetector() = default;
-FaceDetector::FaceDetector(FaceDetector&&) noexcept = default;
-FaceDetector& FaceDetector::operator=(FaceDetector&&) noexcept = default;
+DlibDetector::~DlibDetector() = default;
+DlibDetector::DlibDetector(DlibDetector&&) noexcept = default;
+DlibDetector& DlibDetector::operator=(DlibDetector&&) noexcept = default;
 
-std::vector<DetectedFace> FaceDetector::detect(const ImageU8& picture, const DetectionOptions& options)
+std::vector<DetectedFace> DlibDetector::detect(const ImageU8& picture, const DetectionOptions& options)
 {
-    const char* const function = "FaceDetector::detect";
+    const char* const function = "DlibDetector::detect";
     require_rgb(picture, function);
     require(std::isfinite(options.min_face_size_px) && options.min_face_size_px >= 0.0, function, "min_face_size_px",
             "a number >= 0", to_text(options.min_face_size_px));
@@ -268,9 +268,9 @@ std::vector<DetectedFace> FaceDetector::detect(const ImageU8& picture, const Det
     return faces;
 }
 
-LandmarkSet FaceDetector::landmarks(const ImageU8& picture, const FaceBox& box)
+LandmarkSet DlibDetector::landmarks(const ImageU8& picture, const FaceBox& box)
 {
-    const char* const function = "FaceDetector::landmarks";
+    const char* const function = "DlibDetector::landmarks";
     require_rgb(picture, function);
     require(!picture.empty(), function, "picture", "a picture", "an empty one");
     require(is_usable(box, picture), function, "box", "a box that overlaps the picture, sides from 1 px to 4 times its",
@@ -278,10 +278,10 @@ LandmarkSet FaceDetector::landmarks(const ImageU8& picture, const FaceBox& box)
     return implementation_->estimate(picture, box).landmarks;
 }
 
-std::optional<DetectedFace> FaceDetector::follow(const ImageU8& picture, const LandmarkSet& previous)
+std::optional<DetectedFace> DlibDetector::follow(const ImageU8& picture, const LandmarkSet& previous)
 {
-    require_rgb(picture, "FaceDetector::follow");
-    require(!picture.empty(), "FaceDetector::follow", "picture", "a picture", "an empty one");
+    require_rgb(picture, "DlibDetector::follow");
+    require(!picture.empty(), "DlibDetector::follow", "picture", "a picture", "an empty one");
     const FaceBox expected = box_of(previous);
     if (!is_usable(expected, picture)) {
         return std::nullopt;
