@@ -177,14 +177,24 @@ TEST(ContourView, HasHysteresis)
     EXPECT_EQ(view(-30, ContourView::shows_right), ContourView::shows_left);
 }
 
+TEST(OutlineSide, InAnotherSchemeIsNamedByThePrefixAlone)
+{
+    EXPECT_EQ(outline_side("mediapipe478", "ibug68:1"), FaceSide::right);
+    EXPECT_EQ(outline_side("mediapipe478", "ibug68:17"), FaceSide::left);
+    for (const char* name : {"1", "17", "ibug68:9", "ibug68:", "ibug68:18"}) {
+        EXPECT_EQ(outline_side("mediapipe478", name), std::nullopt) << name;
+    }
+    EXPECT_EQ(outline_side("ibug68", "ibug68:1"), std::nullopt);
+}
+
 TEST(OutlineSide, NamesTheSubjectsSideAndLeavesTheChinAlone)
 {
-    EXPECT_EQ(outline_side("1"), FaceSide::right);
-    EXPECT_EQ(outline_side("8"), FaceSide::right);
-    EXPECT_EQ(outline_side("10"), FaceSide::left);
-    EXPECT_EQ(outline_side("17"), FaceSide::left);
+    EXPECT_EQ(outline_side("ibug68", "1"), FaceSide::right);
+    EXPECT_EQ(outline_side("ibug68", "8"), FaceSide::right);
+    EXPECT_EQ(outline_side("ibug68", "10"), FaceSide::left);
+    EXPECT_EQ(outline_side("ibug68", "17"), FaceSide::left);
     for (const char* name : {"9", "18", "68", "0", "01", "", "x", "1x", "117"}) {
-        EXPECT_EQ(outline_side(name), std::nullopt) << name;
+        EXPECT_EQ(outline_side("ibug68", name), std::nullopt) << name;
     }
 }
 
@@ -258,12 +268,12 @@ TEST(MatchContour, DropsSilhouetteMatchesBeyondTheDistance)
     const Camera camera = camera_at(40);
     LandmarkSet set = outline_landmarks(contour, camera, FaceSide::left);
     for (Landmark& landmark : set.landmarks) {
-        landmark.point_px.x() += outline_side(landmark.name) == FaceSide::left ? 100 : 0;
+        landmark.point_px.x() += outline_side("ibug68", landmark.name) == FaceSide::left ? 100 : 0;
     }
     const ContourMatches matches = match_contour(contour, mean_vertices(), camera, set);
     ASSERT_EQ(matches.matches.size(), 8u);
     for (const ContourMatch& match : matches.matches) {
-        EXPECT_EQ(outline_side(set.landmarks[match.landmark_index].name), FaceSide::right);
+        EXPECT_EQ(outline_side("ibug68", set.landmarks[match.landmark_index].name), FaceSide::right);
     }
 }
 

@@ -17,12 +17,14 @@
 namespace lineament {
 namespace {
 
+using test::angle_between_deg;
 using test::IsNear;
 using test::plant_moderate_face;
 using test::PlantedFace;
 using test::random_points;
 using test::synthetic_face;
 using test::throws;
+using test::without_depth;
 using ::testing::Not;
 
 /// Image point and depth, from an origin of depth that is none of the camera's.
@@ -36,11 +38,6 @@ Eigen::Matrix3Xd see(const Camera& camera, const Eigen::Matrix3Xd& points, doubl
         seen(i) += noise_px * random.normal();
     }
     return seen;
-}
-
-double angle_between_deg(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b)
-{
-    return Eigen::AngleAxisd(Eigen::Matrix3d(a.transpose() * b)).angle() * 180 / M_PI;
 }
 
 TEST(EstimatePoseWithDepth, RecoversThePlantedCameraExactly)
@@ -164,14 +161,6 @@ PlantedFace with_depth(PlantedFace planted)
 {
     test::add_depth(synthetic_face(), planted.camera, 250, planted.landmarks);
     return planted;
-}
-
-LandmarkSet without_depth(LandmarkSet set)
-{
-    for (Landmark& landmark : set.landmarks) {
-        landmark.depth_px.reset();
-    }
-    return set;
 }
 
 TEST(FaceFitter, DepthMovesThePoseAndLeavesTheIdentity)

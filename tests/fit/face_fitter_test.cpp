@@ -170,7 +170,7 @@ TEST(FaceFitter, ContourFindsTheJawThatPointsOnTheOutlineShow)
         }
         ASSERT_GE(seen.cols(), 8);
         for (Landmark& landmark : planted.landmarks.landmarks) {
-            if (outline_side(landmark.name) == away) {
+            if (outline_side("ibug68", landmark.name) == away) {
                 Eigen::Index nearest;
                 (seen.colwise() - landmark.point_px).colwise().squaredNorm().minCoeff(&nearest);
                 landmark.point_px = seen.col(nearest);

@@ -14,6 +14,7 @@
 namespace lineament {
 namespace {
 
+using test::angle_between_deg;
 using test::centre;
 using test::given;
 using test::IsNear;
@@ -22,11 +23,6 @@ using test::Planted;
 using test::synthetic_face;
 using test::with_bias;
 using ::testing::Not;
-
-double angle_between_deg(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b)
-{
-    return Eigen::AngleAxisd(Eigen::Matrix3d(a.transpose() * b)).angle() * 180 / M_PI;
-}
 
 std::vector<LandmarkSet> with_depth(const Planted& planted)
 {

@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/synthetic_face.hpp"
 
+#include "lineament/camera/angles.hpp"
+
+#include <Eigen/Geometry>
 #include <Eigen/QR>
 
 #include <cmath>
@@ -301,6 +304,19 @@ void add_depth(const MorphableModel& model, const Camera& camera, double origin_
         const Eigen::Vector3d point = points.col(map.index_of(landmark.name)).cast<double>();
         landmark.depth_px = origin_px + camera.scale_px_per_mm * camera.camera_from_model.row(2).dot(point);
     }
+}
+
+LandmarkSet without_depth(LandmarkSet set)
+{
+    for (Landmark& landmark : set.landmarks) {
+        landmark.depth_px.reset();
+    }
+    return set;
+}
+
+double angle_between_deg(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b)
+{
+    return degrees(Eigen::AngleAxisd(Eigen::Matrix3d(a.transpose() * b)).angle());
 }
 
 } // namespace lineament::test

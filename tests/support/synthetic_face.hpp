@@ -45,4 +45,9 @@ struct SyntheticFaceOptions
 /// Gives the landmarks the depth that they have on the model's mean face, seen by the camera from `origin_px`.
 void add_depth(const MorphableModel& model, const Camera& camera, double origin_px, LandmarkSet& set);
 
+[[nodiscard]] LandmarkSet without_depth(LandmarkSet set);
+
+/// Angle of the rotation from one camera's orientation to another's.
+[[nodiscard]] double angle_between_deg(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b);
+
 } // namespace lineament::test

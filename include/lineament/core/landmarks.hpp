@@ -6,6 +6,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace lineament {
@@ -23,6 +24,9 @@ struct Landmark
 
     bool operator==(const Landmark&) const = default;
 };
+
+/// Before the name of an outline landmark of ibug68 among the landmarks of another scheme: "ibug68:1".
+inline constexpr std::string_view outline_prefix = "ibug68:";
 
 /// The landmarks of one face under one naming scheme, in any order; missing ones are simply absent.
 struct LandmarkSet

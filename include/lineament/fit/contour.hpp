@@ -10,7 +10,7 @@
 
 #include <array>
 #include <optional>
-#include <string>
+#include <string_view>
 #include <vector>
 
 namespace lineament {
@@ -125,9 +125,9 @@ private:
     Side right_ = {};
 };
 
-/// The side of the face an outline landmark of ibug68 lies on: "1".."8" right, "10".."17" left. Nothing for any other
-/// name; "9", the chin, is a fixed point.
-[[nodiscard]] std::optional<FaceSide> outline_side(const std::string& name);
+/// The side of the face an outline landmark of ibug68 lies on: "1".."8" right, "10".."17" left; in sets of another
+/// scheme with outline_prefix before the number. Nothing for any other name; "9", the chin, is a fixed point.
+[[nodiscard]] std::optional<FaceSide> outline_side(std::string_view scheme, std::string_view name);
 
 /// The view of a head at a yaw angle, given the view before (hysteresis).
 [[nodiscard]] ContourView contour_view(double yaw_rad, ContourView before, const ContourOptions& options = {});

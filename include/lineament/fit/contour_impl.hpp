@@ -12,13 +12,22 @@
 
 namespace lineament {
 
-LINEAMENT_FIT_INLINE std::optional<FaceSide> outline_side(const std::string& name)
+LINEAMENT_FIT_INLINE std::optional<FaceSide> outline_side(std::string_view scheme, std::string_view name)
 {
-    if (name.empty() || name.size() > 2 || name.find_first_not_of("0123456789") != std::string::npos ||
+    if (scheme != "ibug68") {
+        if (!name.starts_with(outline_prefix)) {
+            return std::nullopt;
+        }
+        name.remove_prefix(outline_prefix.size());
+    }
+    if (name.empty() || name.size() > 2 || name.find_first_not_of("0123456789") != std::string_view::npos ||
         name.front() == '0') {
         return std::nullopt;
     }
-    const int number = std::stoi(name);
+    int number = 0;
+    for (const char digit : name) {
+        number = 10 * number + (digit - '0');
+    }
     if (number <= 8) {
         return FaceSide::right;
     }
@@ -59,7 +68,7 @@ LINEAMENT_FIT_INLINE ContourMatches match_contour(const ContourModel& contour,
         std::vector<int> seen; // the outline landmarks of this side
         for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
             const Landmark& landmark = landmarks.landmarks[l];
-            if (landmark.confidence > 0 && outline_side(landmark.name) == side) {
+            if (landmark.confidence > 0 && outline_side(landmarks.scheme, landmark.name) == side) {
                 seen.push_back(static_cast<int>(l));
             }
         }

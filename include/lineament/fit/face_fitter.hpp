@@ -18,8 +18,8 @@
 
 namespace lineament {
 
-/// What becomes of the outline landmarks "1".."8" and "10".."17" of ibug68. Other schemes have none: the oval of
-/// mediapipe478 is a line on the surface.
+/// What becomes of the outline landmarks "1".."8" and "10".."17" of ibug68. Other schemes have none (the oval of
+/// mediapipe478 is a line on the surface), but may have them beside their own: FitOptions::outline_beside_scheme.
 enum class ContourMode
 {
     ignored,      ///< They are not used.
@@ -50,6 +50,8 @@ struct FitOptions
     double max_expression = 3.0;   ///< Each psi is held at this, > 0; the status says so.
     ContourMode contour = ContourMode::both;
     ContourOptions contour_matching = {};
+    bool outline_beside_scheme = false; ///< Sets of another scheme may hold the outline landmarks of ibug68 too, named
+                                        ///< "ibug68:1" ...; they are only ever re-matched. False: they are not used.
     std::string expression_set = "ekman6";                    ///< Of the model; empty: no expressions.
     std::optional<int> num_shape_coefficients = std::nullopt; ///< Leading components to fit; empty: all m.
     std::optional<double> focal_length_px = std::nullopt;     ///< Known: perspective; empty: scaled orthographic.

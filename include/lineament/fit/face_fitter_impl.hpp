@@ -65,7 +65,7 @@ LINEAMENT_FIT_INLINE FaceFitter::FaceFitter(MorphableModel model, std::string sc
         require_size(landmark_noise_mm()->size(), map->num_landmarks(), "FaceFitter", "noise_mm");
     }
     landmark_points_ = lineament::landmark_points(model_, *map, expressions(), count);
-    if (scheme_ == "ibug68" &&
+    if ((scheme_ == "ibug68" || options_.outline_beside_scheme) &&
         (options_.contour == ContourMode::front_facing || options_.contour == ContourMode::both)) {
         contour_.emplace(model_);
         identity_rows_ =
@@ -93,10 +93,11 @@ LINEAMENT_FIT_INLINE void FaceFitter::update_shape(const Eigen::VectorXd& shape_
     const Eigen::VectorXf psi = expression_coefficients.cast<float>();
     const auto update_each = [&](const std::vector<int>& vertices) {
         for (const int vertex : vertices) {
-            const Eigen::Index column = 3 * static_cast<Eigen::Index>(vertex);
-            shape_vertices.col(vertex) = model_.shape.mean.segment<3>(column);
-            shape_vertices.col(vertex).noalias() += identity_rows_.middleCols<3>(column).transpose() * alpha;
-            shape_vertices.col(vertex).noalias() += expression_rows_.middleCols<3>(column).transpose() * psi;
+            for (Eigen::Index axis = 0; axis < 3; ++axis) { // several times as fast as products of three rows
+                const Eigen::Index entry = 3 * static_cast<Eigen::Index>(vertex) + axis;
+                shape_vertices(axis, vertex) = model_.shape.mean[entry] + identity_rows_.col(entry).dot(alpha) +
+                                               expression_rows_.col(entry).dot(psi);
+            }
         }
     };
     if (view != ContourView::frontal) {

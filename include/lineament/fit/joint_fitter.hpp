@@ -38,6 +38,7 @@ struct JointOptions
     double max_coefficient = 5.0;  ///< |a_j| is held at this, > 0; the status says so.
     ContourMode contour = ContourMode::both;
     ContourOptions contour_matching = {};
+    bool outline_beside_scheme = false;    ///< As FitOptions::outline_beside_scheme.
     double contour_trim = 0.05;            ///< Share of the outline matches, the farthest, left out; [0, 1).
     std::string expression_set = "ekman6"; ///< Of the model; empty: no expressions.
     std::optional<int> num_shape_coefficients = std::nullopt; ///< Leading components to fit; empty: all m.

@@ -53,6 +53,7 @@ namespace detail {
     FitOptions base;
     base.contour = options.contour;
     base.contour_matching = options.contour_matching;
+    base.outline_beside_scheme = options.outline_beside_scheme;
     base.noise_detector = options.noise_detector;
     base.expression_set = options.expression_set;
     base.num_shape_coefficients = options.num_shape_coefficients;

@@ -186,7 +186,7 @@ JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& al
         const Eigen::Matrix2Xd projected = project_vertices(shape_vertices_, vertices, camera);
         for (const int l : use_.outline) {
             const Landmark& landmark = landmarks_.landmarks[l];
-            if (outline_side(landmark.name) != side) {
+            if (outline_side(landmarks_.scheme, landmark.name) != side) {
                 continue;
             }
             const double scale = camera.scale_px_per_mm;

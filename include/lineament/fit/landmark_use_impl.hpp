@@ -21,7 +21,7 @@ struct LandmarkUse
 
 [[nodiscard]] inline bool is_outline_landmark(const FaceFitter& fitter, const Landmark& landmark)
 {
-    return fitter.scheme() == "ibug68" && outline_side(landmark.name).has_value();
+    return outline_side(fitter.scheme(), landmark.name).has_value();
 }
 
 /// Landmarks the scheme does not know, of confidence 0 or of infinite noise are not used.
@@ -47,7 +47,14 @@ struct LandmarkUse
         const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
         const int map_index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         use.map_indices.push_back(map_index);
-        if (map_index < 0 || landmark.confidence == 0 || (noise_mm != nullptr && std::isinf((*noise_mm)[map_index]))) {
+        if (map_index < 0) {
+            if (landmark.confidence > 0 && fitter.contour() && fitter.scheme() != "ibug68" &&
+                is_outline_landmark(fitter, landmark)) {
+                use.outline.push_back(static_cast<int>(l));
+            }
+            continue;
+        }
+        if (landmark.confidence == 0 || (noise_mm != nullptr && std::isinf((*noise_mm)[map_index]))) {
             continue;
         }
         if (!is_outline_landmark(fitter, landmark) || fitter.options().contour == ContourMode::fixed) {

@@ -134,7 +134,7 @@ inline bool RealtimeFit::read_landmarks()
             continue;
         }
         if (index < 0) {
-            if (pack_.has_contour && outline_side(landmark.name)) {
+            if (pack_.has_contour && outline_side(landmarks_.scheme, landmark.name)) {
                 return false; // an outline landmark that this map does not name
             }
             continue;

@@ -249,7 +249,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     std::vector<int> rest;
     for (int l = 0; l < static_cast<int>(map.num_landmarks()); ++l) {
         MapEntry entry;
-        const auto side = fitter.scheme() == "ibug68" ? outline_side(map.names[l]) : std::nullopt;
+        const auto side = outline_side(fitter.scheme(), map.names[l]);
         entry.is_outline = side.has_value();
         entry.side = side.value_or(FaceSide::left);
         entry.is_measured = noise_mm == nullptr || !std::isinf((*noise_mm)[l]);
