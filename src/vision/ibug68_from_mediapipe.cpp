@@ -20,6 +20,12 @@ LandmarkSet ibug68_from_mediapipe(const LandmarkSet& set)
             result.landmarks.back().name = name;
         }
     }
+    for (const Landmark& landmark : set.landmarks) {
+        if (landmark.name.starts_with(outline_prefix)) {
+            result.landmarks.push_back(landmark);
+            result.landmarks.back().name.erase(0, outline_prefix.size());
+        }
+    }
     return result;
 }
 

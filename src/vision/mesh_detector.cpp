@@ -4,6 +4,7 @@
 
 #include "face_boxes.hpp"
 #include "lineament/core/checks.hpp"
+#include "lineament/vision/mesh_yaw.hpp"
 #include "mesh_network.hpp"
 
 #include <algorithm>
@@ -108,6 +109,7 @@ void store(const MeshEstimate& estimate, double score, MeshFace& face)
         landmark.confidence = 1.0;
         landmark.depth_px = estimate.points(2, i);
     }
+    doubt_folded_points(face.landmarks);
 }
 
 } // namespace

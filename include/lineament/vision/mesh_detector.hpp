@@ -54,9 +54,10 @@ struct MeshDetectionOptions
 
 /// Faces and 478 landmarks in photos and videos, by MediaPipe's networks on one thread.
 ///
-/// Finds faces in profile too, but the points hold up to about 65 degrees of yaw only. Pictures are sampled at 128 x
-/// 128 or 192 x 192 points, so that time does not depend on their size. Points are sub-pixel. Not thread-safe: one
-/// detector for each thread (35 MB each). Same picture, same answer.
+/// Finds faces in profile too, but the points hold up to about 65 degrees of yaw only, and those of the side turned
+/// away less: doubt_folded_points (mesh_yaw.hpp) has lowered their confidence. Pictures are sampled at 128 x 128 or 192
+/// x 192 points, so that time does not depend on their size. Points are sub-pixel. Not thread-safe: one detector for
+/// each thread (35 MB each). Same picture, same answer.
 ///
 /// @par Reference  Bazarevsky et al., BlazeFace: Sub-millisecond Neural Face Detection on Mobile GPUs, CVPR Workshop
 ///                 2019; Kartynnik et al., Real-time Facial Surface Geometry from Monocular Video on Mobile GPUs, CVPR
