@@ -36,6 +36,9 @@ bool has_face(const FitResult& fit)
 // The picture as RGB; alpha is laid over white.
 ImageU8 rgb_of(const ImageU8& picture)
 {
+    if (picture.channels == 3) {
+        return picture;
+    }
     ImageU8 result(picture.width, picture.height, 3);
     const std::size_t count = static_cast<std::size_t>(picture.width) * picture.height;
     for (std::size_t i = 0; i < count; ++i) {
