@@ -80,7 +80,8 @@ std::vector<Case> make_cases(const MorphableModel& model, const std::vector<Land
                                  }
                              }});
         }
-        const auto joint = std::make_shared<JointFitter>(coarse);
+        const auto joint =
+            std::make_shared<JointFitter>(coarse, "ibug68", JointOptions{}, &kernels::dispatched_kernels());
         double steps = 0;
         for (const LandmarkSet& set : sets) {
             steps += static_cast<double>(joint->fit(set, centre).fit.iterations) / count;

@@ -11,7 +11,8 @@
 
 namespace lineament::bench {
 
-/// Fitters of one method, "thesis" or "joint", with its default options, for the schemes of both detectors.
+/// Fitters of one method, "thesis" or "joint", with its default options, for the schemes of both detectors; an
+/// outline beside the mesh counts.
 class FittersOfMethod
 {
 public:
@@ -19,9 +20,13 @@ public:
     {
         for (const char* scheme : {"ibug68", "mediapipe478"}) {
             if (method == "joint") {
-                joint_.try_emplace(scheme, model, scheme, JointOptions{}, &kernels::dispatched_kernels());
+                JointOptions options;
+                options.outline_beside_scheme = true;
+                joint_.try_emplace(scheme, model, scheme, options, &kernels::dispatched_kernels());
             } else {
-                thesis_.try_emplace(scheme, model, scheme);
+                FitOptions options;
+                options.outline_beside_scheme = true;
+                thesis_.try_emplace(scheme, model, scheme, options);
             }
         }
     }

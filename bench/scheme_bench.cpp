@@ -13,6 +13,7 @@
 #include "lineament/io/landmark_file.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/vision/dlib_detector.hpp"
+#include "lineament/vision/dlib_outline.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
 #include <algorithm>
@@ -228,7 +229,7 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
     {
         std::string name;
         FittersOfMethod fitters;
-        std::array<std::vector<Subject>, 3> subjects = {}; ///< By landmarks.
+        std::array<std::vector<Subject>, 4> subjects = {}; ///< By landmarks.
         double fit_us = 0.0;                               ///< To all points of the mesh.
     };
     std::vector<Method> methods;
@@ -244,7 +245,10 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
             continue;
         }
         const LandmarkSet& mesh = meshes[0].landmarks;
-        const std::array<LandmarkSet, 3> landmarks = {faces[0].landmarks, ibug68_from_mediapipe(mesh), mesh};
+        LandmarkSet with_outline = mesh;
+        add_dlib_outline(with_outline, detector, picture);
+        const std::array<LandmarkSet, 4> landmarks = {faces[0].landmarks, ibug68_from_mediapipe(mesh), mesh,
+                                                      with_outline};
         for (Method& method : methods) {
             for (std::size_t l = 0; l < landmarks.size(); ++l) {
                 const FitResult fit = method.fitters.fit(landmarks[l], center_of(picture));
@@ -260,6 +264,7 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
         print_consistency("68 of dlib", method.subjects[0]);
         print_consistency("52 of the mesh as ibug68", method.subjects[1]);
         print_consistency("468 of the mesh", method.subjects[2]);
+        print_consistency("these with dlib's outline", method.subjects[3]);
         std::printf("fit of 468 points: %.2f ms (mean)\n",
                     1e-3 * method.fit_us / static_cast<double>(method.subjects[2].size()));
     }
