@@ -45,7 +45,8 @@ std::string probe_model()
     const std::filesystem::path path = default_model_path();
     const MorphableModel model = load_model(path.string());
     return model.name + ", " + std::to_string(model.num_vertices()) + " vertices, " +
-           std::to_string(model.shape.num_coefficients()) + " shape components; " + path.string();
+           std::to_string(model.shape.num_coefficients()) + " shape components; licence: " + model.license + "; " +
+           path.string();
 }
 
 std::string probe_mesh_detector()

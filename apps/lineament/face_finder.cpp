@@ -4,6 +4,8 @@
 
 #include "console.hpp"
 
+#include "lineament/vision/dlib_outline.hpp"
+
 #include <CLI/CLI.hpp>
 
 namespace lineament::cli {
@@ -44,6 +46,12 @@ void add_finder_options(CLI::App& command, FinderOptions& options, bool takes_la
         .add_option("--min-face", options.min_face_px,
                     "With --detector dlib: smallest face searched [px]; 0: 80, and 40 if none is found.")
         ->check(CLI::NonNegativeNumber);
+    command
+        .add_option("--outline", options.outline,
+                    "What adds the visible edge of jaw and cheeks to mediapipe's points, whose oval is a line on the "
+                    "surface: none, or dlib (16 landmarks; its landmark model excludes commercial use).")
+        ->check(CLI::IsMember({"none", "dlib"}))
+        ->capture_default_str();
 }
 
 void FaceFinder::load()
@@ -54,6 +62,9 @@ void FaceFinder::load()
     if (uses_mesh() && options_.min_face_px > 0.0) {
         throw Failure(wrong_use, "--min-face is a setting of --detector dlib; mediapipe's networks have no such limit");
     }
+    if (!uses_mesh() && adds_outline()) {
+        throw Failure(wrong_use, "--outline adds to the points of mediapipe; --detector dlib finds the outline itself");
+    }
     if (uses_mesh() && !mesh_) {
         mesh_.emplace();
     } else if (!uses_mesh() && !dlib_) {
@@ -61,13 +72,27 @@ void FaceFinder::load()
     }
 }
 
+void FaceFinder::add_outline(const ImageU8& picture, LandmarkSet& mesh_points)
+{
+    if (!adds_outline()) {
+        return;
+    }
+    if (!dlib_) {
+        dlib_.emplace();
+    }
+    add_dlib_outline(mesh_points, *dlib_, picture);
+}
+
 std::vector<FoundFace> FaceFinder::find(const ImageU8& picture)
 {
     load();
     std::vector<FoundFace> faces;
     if (uses_mesh()) {
-        for (MeshFace& face : mesh_->detect(picture)) {
+        MeshDetectionOptions detection;
+        detection.max_faces = 1000; // all there are
+        for (MeshFace& face : mesh_->detect(picture, detection)) {
             faces.push_back(found(std::move(face)));
+            add_outline(picture, faces.back().landmarks);
         }
     } else {
         DetectionOptions detection;
@@ -89,14 +114,24 @@ std::optional<FoundFace> FaceFinder::find_one(const ImageU8& picture)
     MeshDetectionOptions detection;
     detection.max_faces = 1;
     std::vector<MeshFace> faces = mesh_->detect(picture, detection);
-    return faces.empty() ? std::nullopt : std::optional(found(std::move(faces.front())));
+    if (faces.empty()) {
+        return std::nullopt;
+    }
+    add_outline(picture, faces.front().landmarks);
+    return found(std::move(faces.front()));
 }
 
 std::optional<FoundFace> FaceFinder::follow(const ImageU8& picture, const FoundFace& previous)
 {
     load();
-    return uses_mesh() ? found(mesh_->follow(picture, previous.landmarks))
-                       : found(dlib_->follow(picture, previous.landmarks));
+    if (!uses_mesh()) {
+        return found(dlib_->follow(picture, previous.landmarks));
+    }
+    std::optional<FoundFace> face = found(mesh_->follow(picture, previous.landmarks));
+    if (face) {
+        add_outline(picture, face->landmarks);
+    }
+    return face;
 }
 
 } // namespace lineament::cli

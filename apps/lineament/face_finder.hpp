@@ -21,9 +21,10 @@ struct FinderOptions
 {
     std::string detector = "mediapipe"; ///< mediapipe, dlib or none.
     double min_face_px = 0.0;           ///< dlib only: smallest face searched; 0: 80, and 40 if none is found.
+    std::string outline = "none";       ///< What adds outline landmarks to the points of mediapipe: none or dlib.
 };
 
-/// --detector and --min-face.
+/// --detector, --min-face and --outline.
 /// @param takes_landmark_files  Whether the command can do without a detector.
 void add_finder_options(CLI::App& command, FinderOptions& options, bool takes_landmark_files);
 
@@ -41,7 +42,8 @@ public:
     explicit FaceFinder(FinderOptions options) : options_(std::move(options)) {}
 
     /// All faces, largest first.
-    /// @throws Failure(wrong_use) if the detector is "none" or has no smallest face; IoError if its files are missing.
+    /// @throws Failure(wrong_use) if the detector is "none", has no smallest face or finds outlines itself; IoError if
+    ///         its files are missing.
     [[nodiscard]] std::vector<FoundFace> find(const ImageU8& picture);
 
     /// The largest face.
@@ -50,8 +52,12 @@ public:
     /// The face of the previous frame again, or nothing if it is lost.
     [[nodiscard]] std::optional<FoundFace> follow(const ImageU8& picture, const FoundFace& previous);
 
+    /// With --outline dlib: adds dlib's 16 outline landmarks of the face whose mesh points these are.
+    void add_outline(const ImageU8& picture, LandmarkSet& mesh_points);
+
 private:
     [[nodiscard]] bool uses_mesh() const { return options_.detector == "mediapipe"; }
+    [[nodiscard]] bool adds_outline() const { return options_.outline == "dlib"; }
     void load();
 
     FinderOptions options_;

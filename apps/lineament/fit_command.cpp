@@ -15,8 +15,10 @@
 #include "lineament/io/landmark_file.hpp"
 #include "lineament/report/fit_report.hpp"
 #include "lineament/report/overlay.hpp"
+#include "lineament/vision/mesh_yaw.hpp"
 
 #include <CLI/CLI.hpp>
+#include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -131,6 +133,29 @@ void check_inside(const LandmarkSet& set, const fs::path& path, const fs::path& 
     }
 }
 
+/// @throws Failure(bad_input) if the faces of a file are seen at different times: rows of a video, not of a picture.
+void check_one_time(const LandmarkFile& file, const fs::path& path)
+{
+    for (const LandmarkFrame& frame : file.frames) {
+        const LandmarkFrame& first = file.frames.front();
+        if (frame.frame != first.frame || frame.time_s != first.time_s) {
+            throw Failure(bad_input, path.string() + ": expected the landmarks of one picture, found the " +
+                                         std::to_string(file.frames.size()) +
+                                         " rows of a video; keep the rows of the frame that the picture shows");
+        }
+    }
+}
+
+/// Of the box around the landmarks [px^2].
+double area_of(const LandmarkSet& set)
+{
+    Eigen::AlignedBox2d box;
+    for (const Landmark& landmark : set.landmarks) {
+        box.extend(landmark.point_px);
+    }
+    return box.isEmpty() ? 0.0 : box.volume();
+}
+
 std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& picture_path, const ImageU8& picture)
 {
     const Options& options = session.options;
@@ -149,11 +174,14 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
         landmark_path = landmark_file_of(picture_path, options.landmarks);
         const LandmarkFile file = load_landmarks(landmark_path.string(), file_options);
         check_image_size(file, landmark_path, picture_path, picture);
+        check_one_time(file, landmark_path);
         for (const LandmarkFrame& frame : file.frames) {
             if (!frame.set.landmarks.empty()) {
                 sets.push_back(frame.set);
             }
         }
+        std::stable_sort(sets.begin(), sets.end(),
+                         [](const LandmarkSet& a, const LandmarkSet& b) { return area_of(a) > area_of(b); });
         if (sets.empty()) {
             throw Failure(no_answer, landmark_path.string() + ": the file holds no face");
         }
@@ -178,6 +206,10 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
     for (LandmarkSet& set : sets) {
         if (!options.landmarks.empty()) {
             check_inside(set, landmark_path, picture_path, picture);
+            if (set.scheme == "mediapipe478") {
+                session.finder.add_outline(picture, set);
+                doubt_folded_points(set);
+            }
         }
         set = session.fitters.in_scheme_of_model(std::move(set));
     }

@@ -11,6 +11,8 @@
 #include "lineament/kernels/dispatched_kernels.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
+#include <algorithm>
+#include <compare>
 #include <map>
 #include <optional>
 #include <string>
@@ -20,7 +22,7 @@ namespace lineament::cli {
 
 namespace {
 
-ContourMode contour_mode(const std::string& name)
+ContourMode contour_mode(const std::optional<std::string>& name)
 {
     return name == "ignored" ? ContourMode::ignored
            : name == "fixed" ? ContourMode::fixed
@@ -28,22 +30,48 @@ ContourMode contour_mode(const std::string& name)
                              : ContourMode::both;
 }
 
-FitOptions thesis_options(const ModelOptions& options)
+/// What of a set of landmarks decides which prepared fitter it needs.
+struct LandmarkKind
+{
+    std::string scheme;
+    bool has_outline = false;
+
+    explicit LandmarkKind(const LandmarkSet& set)
+        : scheme(set.scheme),
+          has_outline(std::any_of(set.landmarks.begin(), set.landmarks.end(), [&](const Landmark& landmark) {
+              return outline_side(set.scheme, landmark.name).has_value();
+          }))
+    {}
+
+    auto operator<=>(const LandmarkKind&) const = default;
+};
+
+/// The one whose kind suits all: the first with an outline, if any has one.
+const LandmarkSet& representative(const std::vector<LandmarkSet>& sets)
+{
+    const auto found =
+        std::find_if(sets.begin(), sets.end(), [](const auto& set) { return LandmarkKind(set).has_outline; });
+    return found != sets.end() ? *found : sets.front();
+}
+
+FitOptions thesis_options(const ModelOptions& options, const LandmarkKind& kind)
 {
     FitOptions fit = options.prior == "published" ? FitOptions::published_prior() : FitOptions{};
     fit.iterations = options.iterations.value_or(fit.iterations);
     fit.regularization = options.regularization.value_or(fit.regularization);
     fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
     fit.contour = contour_mode(options.contour);
+    fit.outline_beside_scheme = kind.has_outline;
     return fit;
 }
 
-JointOptions joint_options(const ModelOptions& options)
+JointOptions joint_options(const ModelOptions& options, const LandmarkKind& kind)
 {
     JointOptions fit;
     fit.rounds = options.iterations.value_or(fit.rounds);
     fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
     fit.contour = contour_mode(options.contour);
+    fit.outline_beside_scheme = kind.has_outline;
     if (options.focal_px > 0.0) {
         fit.focal_length_px = options.focal_px;
     }
@@ -107,9 +135,9 @@ struct Fitters::Implementation
 {
     const MorphableModel* model;
     ModelOptions options;
-    std::map<std::string, FaceFitter> thesis_fitters = {};
-    std::map<std::string, JointFitter> joint_fitters = {};
-    std::map<std::string, FrameFitter> frame_fitters = {};
+    std::map<LandmarkKind, FaceFitter> thesis_fitters = {};
+    std::map<LandmarkKind, JointFitter> joint_fitters = {};
+    std::map<LandmarkKind, FrameFitter> frame_fitters = {};
 
     std::optional<double> found_focal_px = std::nullopt; ///< Of the last identity.
 
@@ -120,35 +148,50 @@ struct Fitters::Implementation
         return options.focal_px > 0.0 ? std::optional(options.focal_px) : found_focal_px;
     }
 
-    FrameFitter& frame_fitter(const std::string& scheme)
+    /// @throws Failure(wrong_use) if the user says what becomes of an outline that is not there.
+    [[nodiscard]] LandmarkKind kind_of(const LandmarkSet& set) const
     {
-        auto known = frame_fitters.find(scheme);
+        LandmarkKind kind(set);
+        if (options.contour && !kind.has_outline) {
+            throw Failure(wrong_use, "--contour: these landmarks (" + set.scheme +
+                                         ") hold no outline; with the default detector give --outline dlib as well");
+        }
+        return kind;
+    }
+
+    FrameFitter& frame_fitter(const LandmarkSet& set)
+    {
+        const LandmarkKind kind = kind_of(set);
+        auto known = frame_fitters.find(kind);
         if (known == frame_fitters.end()) {
-            RealtimeFitter fitter(*model, scheme, thesis_options(options), kernels::dispatched_kernels());
-            known = frame_fitters.emplace(scheme, FrameFitter(std::move(fitter))).first;
+            RealtimeFitter fitter(*model, kind.scheme, thesis_options(options, kind), kernels::dispatched_kernels());
+            known = frame_fitters.emplace(kind, FrameFitter(std::move(fitter))).first;
         }
         return known->second;
     }
 
-    const FaceFitter& thesis(const std::string& scheme)
+    const FaceFitter& thesis(const LandmarkSet& set)
     {
-        const auto known = thesis_fitters.find(scheme);
+        const LandmarkKind kind = kind_of(set);
+        const auto known = thesis_fitters.find(kind);
         if (known != thesis_fitters.end()) {
             return known->second;
         }
-        FitOptions fit = thesis_options(options);
+        FitOptions fit = thesis_options(options, kind);
         fit.focal_length_px = focal_px();
-        return thesis_fitters.emplace(scheme, FaceFitter(*model, scheme, fit)).first->second;
+        return thesis_fitters.emplace(kind, FaceFitter(*model, kind.scheme, fit)).first->second;
     }
 
-    const JointFitter& joint(const std::string& scheme)
+    const JointFitter& joint(const LandmarkSet& set)
     {
-        const auto known = joint_fitters.find(scheme);
-        return known != joint_fitters.end() ? known->second
-                                            : joint_fitters
-                                                  .emplace(scheme, JointFitter(*model, scheme, joint_options(options),
-                                                                               &kernels::dispatched_kernels()))
-                                                  .first->second;
+        const LandmarkKind kind = kind_of(set);
+        const auto known = joint_fitters.find(kind);
+        return known != joint_fitters.end()
+                   ? known->second
+                   : joint_fitters
+                         .emplace(kind, JointFitter(*model, kind.scheme, joint_options(options, kind),
+                                                    &kernels::dispatched_kernels()))
+                         .first->second;
     }
 };
 
@@ -187,9 +230,9 @@ LandmarkSet Fitters::in_scheme_of_model(LandmarkSet landmarks) const
 Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
 {
     if (implementation_->is_joint()) {
-        return with_evidence(implementation_->joint(landmarks.scheme).fit(landmarks, principal_point_px));
+        return with_evidence(implementation_->joint(landmarks).fit(landmarks, principal_point_px));
     }
-    return {implementation_->thesis(landmarks.scheme).fit(landmarks, principal_point_px), {}, {}, {}};
+    return {implementation_->thesis(landmarks).fit(landmarks, principal_point_px), {}, {}, {}};
 }
 
 std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
@@ -201,13 +244,13 @@ std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
     const Eigen::Vector2d origin = Eigen::Vector2d::Zero();
     std::vector<Fitted> fitted;
     if (implementation_->is_joint()) {
-        const JointFitter& fitter = implementation_->joint(pictures.front().scheme);
+        const JointFitter& fitter = implementation_->joint(representative(pictures));
         for (const JointFitResult& frame : fitter.fit_frames(pictures, origin).frames) {
             fitted.push_back(with_evidence(frame));
         }
     } else {
         for (const FitResult& frame :
-             fit_frames(implementation_->thesis(pictures.front().scheme), pictures, origin).frames) {
+             fit_frames(implementation_->thesis(representative(pictures)), pictures, origin).frames) {
             fitted.push_back({frame, {}, {}, {}});
         }
     }
@@ -225,9 +268,9 @@ Eigen::VectorXf Fitters::vertex_deviations_mm(const Eigen::MatrixXd& shape_covar
 FitResult Fitters::fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
 {
     if (implementation_->options.focal_px > 0.0) {
-        return implementation_->thesis(landmarks.scheme).fit(landmarks, principal_point_px);
+        return implementation_->thesis(landmarks).fit(landmarks, principal_point_px);
     }
-    FrameFitter& frames = implementation_->frame_fitter(landmarks.scheme);
+    FrameFitter& frames = implementation_->frame_fitter(landmarks);
     frames.fitter.fit(landmarks, principal_point_px, frames.workspace, frames.result);
     return frames.result;
 }
@@ -236,10 +279,10 @@ FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const E
                                            const Eigen::VectorXd& shape_coefficients, const FitResult* start)
 {
     if (implementation_->focal_px()) {
-        return implementation_->thesis(landmarks.scheme)
-            .fit_pose_and_expression(landmarks, principal_point_px, shape_coefficients, start);
+        return implementation_->thesis(landmarks).fit_pose_and_expression(landmarks, principal_point_px,
+                                                                          shape_coefficients, start);
     }
-    FrameFitter& frames = implementation_->frame_fitter(landmarks.scheme);
+    FrameFitter& frames = implementation_->frame_fitter(landmarks);
     frames.fitter.fit_pose_and_expression(landmarks, principal_point_px, frames.frozen(shape_coefficients),
                                           frames.workspace, frames.result, start);
     return frames.result;
@@ -247,11 +290,12 @@ FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const E
 
 Eigen::VectorXd Fitters::fit_identity(const std::vector<LandmarkSet>& frames, const Eigen::Vector2d& principal_point_px)
 {
-    const std::string& scheme = frames.front().scheme;
     if (!implementation_->is_joint()) {
-        return fit_frames(implementation_->thesis(scheme), frames, principal_point_px).shape_coefficients;
+        return fit_frames(implementation_->thesis(representative(frames)), frames, principal_point_px)
+            .shape_coefficients;
     }
-    const JointFramesResult fitted = implementation_->joint(scheme).fit_frames(frames, principal_point_px);
+    const JointFramesResult fitted =
+        implementation_->joint(representative(frames)).fit_frames(frames, principal_point_px);
     if (implementation_->options.fits_focal) {
         implementation_->thesis_fitters.clear();
         implementation_->found_focal_px.reset();

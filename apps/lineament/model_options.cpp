@@ -41,9 +41,9 @@ void add_model_options(CLI::App& command, ModelOptions& options)
     command
         .add_option("--contour", options.contour,
                     "The 16 outline landmarks: matched on both sides, on the sides that face the camera, tied to fixed "
-                    "points, or ignored. The 478 points of mediapipe have none.")
+                    "points, or ignored. The 478 points of mediapipe have none by themselves.")
         ->check(CLI::IsMember({"ignored", "fixed", "front", "both"}))
-        ->capture_default_str();
+        ->default_str("both");
     command
         .add_option("--iterations", options.iterations, "Rounds of outline matches; default: 4 (joint) or 5 (thesis).")
         ->check(CLI::Range(1, 1000));

@@ -22,7 +22,7 @@ struct ModelOptions
     std::string level = "full"; ///< "full", or 0 (coarsest), 1, ...
     std::string method = "joint";
     std::string expression_set = "ekman6";
-    std::string contour = "both";
+    std::optional<std::string> contour; ///< Empty: both.
     std::string prior = "model";
     std::optional<int> iterations;        ///< Empty: the default of the method.
     std::optional<double> regularization; ///< Empty: the default of the prior.

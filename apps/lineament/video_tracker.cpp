@@ -114,8 +114,8 @@ struct VideoTracker::SeenFrame
     double time_s = 0.0;
     bool has_face = false;
     double confidence = 0.0;
-    /// Image point and depth (NaN: none) of the landmarks, whose names are the same in all frames.
-    Eigen::Matrix3Xf points_px = {};
+    /// Image point, depth (NaN: none) and confidence of the landmarks, whose names are the same in all frames.
+    Eigen::Matrix4Xf landmarks = {};
     FitResult fit = {}; ///< Of this frame alone, without its landmarks.
 };
 
@@ -153,11 +153,12 @@ std::vector<VideoTracker::SeenFrame> VideoTracker::watch(const Job& job, VideoIn
             landmarks_ = fitters_.in_scheme_of_model(face->landmarks);
             now.has_face = true;
             now.confidence = face->confidence;
-            now.points_px.resize(3, static_cast<Eigen::Index>(landmarks_.landmarks.size()));
-            for (Eigen::Index i = 0; i < now.points_px.cols(); ++i) {
+            now.landmarks.resize(4, static_cast<Eigen::Index>(landmarks_.landmarks.size()));
+            for (Eigen::Index i = 0; i < now.landmarks.cols(); ++i) {
                 const Landmark& landmark = landmarks_.landmarks[static_cast<std::size_t>(i)];
-                now.points_px.col(i) << landmark.point_px.cast<float>(),
-                    static_cast<float>(landmark.depth_px.value_or(std::numeric_limits<double>::quiet_NaN()));
+                now.landmarks.col(i) << landmark.point_px.cast<float>(),
+                    static_cast<float>(landmark.depth_px.value_or(std::numeric_limits<double>::quiet_NaN())),
+                    static_cast<float>(landmark.confidence);
             }
             now.fit = fitters_.fit_frame(landmarks_, principal_point);
             now.fit.landmarks = {};
@@ -184,9 +185,10 @@ LandmarkSet VideoTracker::landmarks_of(const SeenFrame& frame) const
 {
     LandmarkSet set = landmarks_;
     for (std::size_t i = 0; i < set.landmarks.size(); ++i) {
-        const Eigen::Vector3d point = frame.points_px.col(static_cast<Eigen::Index>(i)).cast<double>();
-        set.landmarks[i].point_px = point.head<2>();
-        set.landmarks[i].depth_px = std::isnan(point.z()) ? std::nullopt : std::optional(point.z());
+        const Eigen::Vector4d seen = frame.landmarks.col(static_cast<Eigen::Index>(i)).cast<double>();
+        set.landmarks[i].point_px = seen.head<2>();
+        set.landmarks[i].depth_px = std::isnan(seen[2]) ? std::nullopt : std::optional(seen[2]);
+        set.landmarks[i].confidence = seen[3];
     }
     return set;
 }

@@ -42,6 +42,23 @@ TEST(Doctor, FindsWhatTheseTestsRunWith)
     }
 }
 
+TEST(Doctor, StatesTheLicenceOfEveryModel)
+{
+    const test::TemporaryFolder folder;
+    const nlohmann::json report = nlohmann::json::parse(run(folder, "doctor --json").out);
+    const std::map<std::string, std::string> licences = {
+        {"face model", "CC0"}, {"face detector", "Apache-2.0"}, {"dlib detector", "excludes commercial use"}};
+    int num_found = 0;
+    for (const nlohmann::json& finding : report["findings"]) {
+        const auto licence = licences.find(finding["name"].get<std::string>());
+        if (licence != licences.end() && finding["state"] == "ok") {
+            ++num_found;
+            EXPECT_NE(finding["detail"].get<std::string>().find(licence->second), std::string::npos) << finding;
+        }
+    }
+    EXPECT_GE(num_found, 2); // dlib's model may be absent
+}
+
 TEST(Doctor, NamesWhatIsMissing)
 {
     const test::TemporaryFolder folder;
