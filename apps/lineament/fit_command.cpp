@@ -209,6 +209,9 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
             if (set.scheme == "mediapipe478") {
                 session.finder.add_outline(picture, set);
                 doubt_folded_points(set);
+            } else if (options.finder.outline != "none") {
+                throw Failure(wrong_use, "--outline adds to the points of mediapipe; those of " +
+                                             landmark_path.string() + " are of the scheme " + set.scheme);
             }
         }
         set = session.fitters.in_scheme_of_model(std::move(set));

@@ -126,6 +126,8 @@ TEST(FitLandmarks, OutlineOfDlibJoinsTheMesh)
     EXPECT_NE(coefficients("with/person"), coefficients("without/person"));
     EXPECT_EQ(coefficients("ignored/person"), coefficients("without/person"));
     EXPECT_EQ(run(folder, "fit person.png --no-report --detector dlib --outline dlib -o both").exit_code, 2);
+    save_synthetic_picture(folder, "face");
+    EXPECT_EQ(run(folder, "fit face.png --landmarks face.json --outline dlib -o file").exit_code, 2) << "68 points";
 }
 
 TEST(FitLandmarks, NoFaceOfACrowdIsLeftOut)
