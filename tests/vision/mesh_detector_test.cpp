@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/vision/mesh_detector.hpp"
 
+#include "annotated_photos.hpp"
 #include "face_boxes.hpp"
 #include "mesh_network.hpp"
 
@@ -453,37 +454,17 @@ TEST(MeshDetector, FollowingADoubtfulFaceAllocatesNothing)
 TEST(MeshDetector, PointsLieNearTheAnnotationsOfPhotos)
 {
     LINEAMENT_REQUIRE_REAL_DATA("images/helen_test");
-    std::vector<double> errors;
-    std::size_t num_photos = 0;
-    for (const auto& entry : std::filesystem::directory_iterator(test::real_data_folder() / "images/helen_test")) {
-        if (entry.path().extension() != ".pts") {
-            continue;
-        }
-        std::filesystem::path photo = entry.path();
-        const ImageU8 picture = load_image(photo.replace_extension(".jpg"));
-        const LandmarkSet truth =
-            load_landmarks(entry.path().string(), {.pts_header = PtsHeader::optional}).frames.front().set;
-        const double eyes = (truth.find("37")->point_px - truth.find("46")->point_px).norm();
-        double smallest = 1.0;
-        for (const MeshFace& face : detector().detect(picture)) {
-            const LandmarkSet points = ibug68_from_mediapipe(face.landmarks);
-            double sum = 0.0;
-            for (int i = 18; i <= 68; ++i) {
-                const std::string name = std::to_string(i);
-                sum += (points.find(name)->point_px - truth.find(name)->point_px).norm();
+    const test::AnnotationErrors found =
+        test::annotation_errors(test::real_data_folder() / "images/helen_test", [](const ImageU8& picture) {
+            std::vector<LandmarkSet> faces;
+            for (const MeshFace& face : detector().detect(picture)) {
+                faces.push_back(ibug68_from_mediapipe(face.landmarks));
             }
-            smallest = std::min(smallest, sum / (51.0 * eyes));
-        }
-        if (smallest < 0.35) {
-            errors.push_back(smallest);
-        }
-        ++num_photos;
-    }
-    EXPECT_EQ(errors.size(), num_photos);
-    std::sort(errors.begin(), errors.end());
-    ASSERT_FALSE(errors.empty());
-    EXPECT_LE(errors[errors.size() / 2], 0.045); // measured: 0.033, docs/vision.md
-    EXPECT_LE(errors.back(), 0.12);
+            return faces;
+        });
+    EXPECT_EQ(static_cast<int>(found.errors.size()), found.num_photos);
+    EXPECT_LE(found.median(), 0.045); // measured: 0.033, docs/vision.md
+    EXPECT_LE(found.errors.back(), 0.12);
 }
 
 TEST(MeshDetector, OneDetectorPerThreadFindsTheSameFaces)
