@@ -93,7 +93,7 @@ LINEAMENT_FIT_INLINE void FaceFitter::update_shape(const Eigen::VectorXd& shape_
     const Eigen::VectorXf psi = expression_coefficients.cast<float>();
     const auto update_each = [&](const std::vector<int>& vertices) {
         for (const int vertex : vertices) {
-            for (Eigen::Index axis = 0; axis < 3; ++axis) { // several times as fast as products of three rows
+            for (Eigen::Index axis = 0; axis < 3; ++axis) { // faster than a product of three rows
                 const Eigen::Index entry = 3 * static_cast<Eigen::Index>(vertex) + axis;
                 shape_vertices(axis, vertex) = model_.shape.mean[entry] + identity_rows_.col(entry).dot(alpha) +
                                                expression_rows_.col(entry).dot(psi);
