@@ -17,6 +17,7 @@
 #define LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP
 #endif
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -194,120 +195,85 @@ inline void multiply_rows(const float* point_rows, int width, const int* indices
     }
 }
 
-/// Sums of four rows and two vectors of columns.
-struct Block
+enum class Sign
 {
-    Vector a0, a1, b0, b1, c0, c1, d0, d1;
-
-    HWY_INLINE void load(const float* from, int width)
-    {
-        const Floats d;
-        a0 = hn::Load(d, from);
-        a1 = hn::Load(d, from + lanes);
-        b0 = hn::Load(d, from + width);
-        b1 = hn::Load(d, from + width + lanes);
-        c0 = hn::Load(d, from + 2 * width);
-        c1 = hn::Load(d, from + 2 * width + lanes);
-        d0 = hn::Load(d, from + 3 * width);
-        d1 = hn::Load(d, from + 3 * width + lanes);
-    }
-    HWY_INLINE void store(float* to, int width) const
-    {
-        const Floats d;
-        hn::Store(a0, d, to);
-        hn::Store(a1, d, to + lanes);
-        hn::Store(b0, d, to + width);
-        hn::Store(b1, d, to + width + lanes);
-        hn::Store(c0, d, to + 2 * width);
-        hn::Store(c1, d, to + 2 * width + lanes);
-        hn::Store(d0, d, to + 3 * width);
-        hn::Store(d1, d, to + 3 * width + lanes);
-    }
-    HWY_INLINE void add(const float* factors, const float* row)
-    {
-        const Floats d;
-        const Vector v0 = hn::Load(d, row);
-        const Vector v1 = hn::Load(d, row + lanes);
-        const Vector fa = hn::Set(d, factors[0]);
-        a0 = hn::MulAdd(fa, v0, a0);
-        a1 = hn::MulAdd(fa, v1, a1);
-        const Vector fb = hn::Set(d, factors[1]);
-        b0 = hn::MulAdd(fb, v0, b0);
-        b1 = hn::MulAdd(fb, v1, b1);
-        const Vector fc = hn::Set(d, factors[2]);
-        c0 = hn::MulAdd(fc, v0, c0);
-        c1 = hn::MulAdd(fc, v1, c1);
-        const Vector fd = hn::Set(d, factors[3]);
-        d0 = hn::MulAdd(fd, v0, d0);
-        d1 = hn::MulAdd(fd, v1, d1);
-    }
-    HWY_INLINE void subtract(const float* factors, const float* row) // same bits as a - f v: only a sign moves
-    {
-        const float negated[4] = {-factors[0], -factors[1], -factors[2], -factors[3]};
-        add(negated, row);
-    }
+    plus,
+    minus,
 };
 
-/// Rows i..i+3 of a Gram matrix, from the diagonal's vector on; pairs of vectors, the first alone if they are odd.
-inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+/// Four rows of `target` and N vectors of columns of them, with the sum over k of factors[k factor_step + q] times row k
+/// of `rows` added to or taken from row q.
+template <int N, Sign sign>
+HWY_INLINE void add_products(const float* rows, const float* factors, int count, int width, int factor_step,
+                             float* target)
 {
     const Floats d;
-    for (int i = 0; i < width; i += 4) {
-        float* target = gram + i * width;
-        int c = i / lanes * lanes;
-        if ((width - c) % (2 * lanes) != 0) {
-            Vector sums[4] = {hn::Load(d, target + c), hn::Load(d, target + width + c),
-                              hn::Load(d, target + 2 * width + c), hn::Load(d, target + 3 * width + c)};
-            const float* row = rows;
-            for (int r = 0; r < num_rows; ++r, row += width) {
-                const Vector value = hn::Load(d, row + c);
-                for (int q = 0; q < 4; ++q) {
-                    sums[q] = hn::MulAdd(hn::Set(d, row[i + q]), value, sums[q]);
-                }
-            }
-            for (int q = 0; q < 4; ++q) {
-                hn::Store(sums[q], d, target + q * width + c);
-            }
-            c += lanes;
+    constexpr int num_chains = N == 1 ? 2 : 1; // they hide the latency of each other
+    Vector sums[num_chains][4][N];
+    for (int q = 0; q < 4; ++q) {
+        for (int v = 0; v < N; ++v) {
+            sums[0][q][v] = hn::Load(d, target + q * width + v * lanes);
+            sums[num_chains - 1][q][v] = num_chains == 1 ? sums[0][q][v] : hn::Zero(d);
         }
-        for (; c < width; c += 2 * lanes) {
-            Block block;
-            block.load(target + c, width);
-            const float* row = rows;
-            for (int r = 0; r < num_rows; ++r, row += width) {
-                block.add(row + i, row + c);
+    }
+    const auto add = [&](int chain) HWY_ATTR {
+        Vector values[N];
+        for (int v = 0; v < N; ++v) {
+            values[v] = hn::Load(d, rows + v * lanes);
+        }
+        for (int q = 0; q < 4; ++q) {
+            const Vector factor = hn::Set(d, factors[q]);
+            for (int v = 0; v < N; ++v) {
+                Vector& sum = sums[chain][q][v];
+                sum = sign == Sign::plus ? hn::MulAdd(factor, values[v], sum) : hn::NegMulAdd(factor, values[v], sum);
             }
-            block.store(target + c, width);
+        }
+        rows += width;
+        factors += factor_step;
+    };
+    int k = 0;
+    for (; k + num_chains <= count; k += num_chains) {
+        add(0);
+        if (num_chains == 2) {
+            add(1);
+        }
+    }
+    if (k < count) {
+        add(0);
+    }
+    for (int q = 0; q < 4; ++q) {
+        for (int v = 0; v < N; ++v) {
+            const Vector sum =
+                num_chains == 1 ? sums[0][q][v] : hn::Add(sums[0][q][v], sums[num_chains - 1][q][v]);
+            hn::Store(sum, d, target + q * width + v * lanes);
         }
     }
 }
 
-/// Rows i..i+3 of a system less the products of the i rows above them with `factors`, four a row.
-HWY_INLINE void subtract_products(const float* above, const float* factors, int i, int width, float* target)
+/// The same of the columns from c on.
+template <Sign sign>
+HWY_INLINE void add_products_from(int c, const float* rows, const float* factors, int count, int width,
+                                  int factor_step, float* target)
 {
-    const Floats d;
-    int c = i / lanes * lanes;
-    if ((width - c) % (2 * lanes) != 0) {
-        Vector sums[4] = {hn::Load(d, target + c), hn::Load(d, target + width + c), hn::Load(d, target + 2 * width + c),
-                          hn::Load(d, target + 3 * width + c)};
-        for (int k = 0; k < i; ++k) {
-            const Vector value = hn::Load(d, above + k * width + c);
-            for (int q = 0; q < 4; ++q) {
-                sums[q] = hn::NegMulAdd(hn::Set(d, factors[4 * k + q]), value, sums[q]);
-            }
-        }
-        for (int q = 0; q < 4; ++q) {
-            hn::Store(sums[q], d, target + q * width + c);
-        }
-        c += lanes;
+    constexpr int most = lanes == 16 ? 4 : 2; // with four rows they fit into the registers
+    for (; width - c >= most * lanes; c += most * lanes) {
+        add_products<most, sign>(rows + c, factors, count, width, factor_step, target + c);
     }
-    for (; c < width; c += 2 * lanes) {
-        Block block;
-        block.load(target + c, width);
-        for (int k = 0; k < i; ++k) {
-            block.subtract(factors + 4 * k, above + k * width + c);
-        }
-        block.store(target + c, width);
+    const int left = (width - c) / lanes;
+    if (left == 3) {
+        add_products<most - 1, sign>(rows + c, factors, count, width, factor_step, target + c);
+    } else if (left == 2) {
+        add_products<2, sign>(rows + c, factors, count, width, factor_step, target + c);
+    } else if (left == 1) {
+        add_products<1, sign>(rows + c, factors, count, width, factor_step, target + c);
+    }
+}
+
+/// Rows i..i+3 of a Gram matrix at a time, from the diagonal's vector on.
+inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+{
+    for (int i = 0; i < width; i += 4) {
+        add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width, gram + i * width);
     }
 }
 
@@ -340,8 +306,26 @@ inline void add_rows(const float* rows, int num_rows, int width, const float* fa
     }
 }
 
+/// Columns of the 4 x 4 matrix in rows r0..r3.
+HWY_INLINE void store_transposed(const float* from, float* to, int step)
+{
+    const hn::CappedTag<float, 4> d;
+    const auto r0 = hn::Load(d, from);
+    const auto r1 = hn::Load(d, from + 4);
+    const auto r2 = hn::Load(d, from + 8);
+    const auto r3 = hn::Load(d, from + 12);
+    const auto even_low = hn::InterleaveLower(d, r0, r2);
+    const auto even_high = hn::InterleaveUpper(d, r0, r2);
+    const auto odd_low = hn::InterleaveLower(d, r1, r3);
+    const auto odd_high = hn::InterleaveUpper(d, r1, r3);
+    hn::Store(hn::InterleaveLower(d, even_low, odd_low), d, to);
+    hn::Store(hn::InterleaveUpper(d, even_low, odd_low), d, to + step);
+    hn::Store(hn::InterleaveLower(d, even_high, odd_high), d, to + 2 * step);
+    hn::Store(hn::InterleaveUpper(d, even_high, odd_high), d, to + 3 * step);
+}
+
 /// U row by row in blocks of four, A = U^T D^-1 U with D the diagonal of U: no roots, and the only long chain is one
-/// division a row.
+/// division a row. Below the diagonal comes L = U^T D^-1, whose rows are what the substitution back takes from b.
 inline float solve_positive(float* system, int n, int width, float* x)
 {
     constexpr int max_size = 256;
@@ -350,7 +334,8 @@ inline float solve_positive(float* system, int n, int width, float* x)
     }
     const Floats d;
     const hn::CappedTag<float, 4> four;
-    alignas(64) float factors[4 * max_size]; // U(k, i + q) / D(k) at 4 k + q
+    alignas(64) float factors[4 * max_size]; // L(i + q, k) at 4 k + q
+    alignas(64) float right_side[max_size + lanes];
     float inverses[max_size + 4];
     float least = 1;
     int i = 0;
@@ -364,7 +349,8 @@ inline float solve_positive(float* system, int n, int width, float* x)
             hn::Store(hn::Mul(hn::Set(four, inverses[k]), hn::Load(four, system + k * width + i)), four,
                       factors + 4 * k);
         }
-        subtract_products(system, factors, i, width, r0);
+        const int first = i / lanes * lanes;
+        add_products_from<Sign::minus>(first, system, factors, i, width, 4, r0);
 
         // The block's own triangle, then its rows.
         const float d0 = r0[i];
@@ -392,7 +378,7 @@ inline float solve_positive(float* system, int n, int width, float* x)
         inverses[i + 3] = 1 / d3;
         const Vector v01 = hn::Set(d, f01), v02 = hn::Set(d, f02), v03 = hn::Set(d, f03);
         const Vector v12 = hn::Set(d, f12), v13 = hn::Set(d, f13), v23 = hn::Set(d, f23);
-        for (int c = i / lanes * lanes; c < width; c += lanes) {
+        for (int c = first; c < width; c += lanes) {
             const Vector a = hn::Load(d, r0 + c);
             const Vector b = hn::NegMulAdd(v01, a, hn::Load(d, r1 + c));
             const Vector e = hn::NegMulAdd(v12, b, hn::NegMulAdd(v02, a, hn::Load(d, r2 + c)));
@@ -401,14 +387,26 @@ inline float solve_positive(float* system, int n, int width, float* x)
             hn::Store(e, d, r2 + c);
             hn::Store(f, d, r3 + c);
         }
+        for (int k = 0; k < i; k += 4) {
+            store_transposed(factors + 4 * k, r0 + k, width);
+        }
+        r1[i] = f01;
+        r2[i] = f02;
+        r3[i] = f03;
+        r2[i + 1] = f12;
+        r3[i + 1] = f13;
+        r3[i + 2] = f23;
     }
+    const int num_in_blocks = i;
     for (; i < n; ++i) { // what is left of a block
         float* row = system + i * width;
         const float diagonal = row[i];
+        const int first = i / lanes * lanes;
         for (int k = 0; k < i; ++k) {
             const float* above = system + k * width;
-            const Vector factor = hn::Set(d, above[i] * inverses[k]);
-            for (int c = i / lanes * lanes; c < width; c += lanes) {
+            factors[k] = above[i] * inverses[k];
+            const Vector factor = hn::Set(d, factors[k]);
+            for (int c = first; c < width; c += lanes) {
                 hn::Store(hn::NegMulAdd(factor, hn::Load(d, above + c), hn::Load(d, row + c)), d, row + c);
             }
         }
@@ -417,31 +415,46 @@ inline float solve_positive(float* system, int n, int width, float* x)
         }
         least = row[i] < least * diagonal ? row[i] / diagonal : least;
         inverses[i] = 1 / row[i];
+        std::copy_n(factors, i, row);
+    }
+
+    // Each x, once it is known, is taken from what is left of the right side; that of x itself is not needed then.
+    for (i = 0; i < n; ++i) {
+        right_side[i] = system[i * width + n] * inverses[i];
     }
     for (int c = 0; c < width; c += lanes) {
         hn::Store(hn::Zero(d), d, x + c);
     }
-    const int last = round_up(n, lanes);
-    for (int end = n; end > 0;) { // x is still 0 where it is not known, so whole vectors may be taken
-        const int begin = (end - 1) / 4 * 4;
-        float sums[4] = {0, 0, 0, 0};
-        for (int q = 0; q < end - begin; ++q) {
-            const float* row = system + (begin + q) * width;
-            Vector sum = hn::Zero(d);
-            for (int c = end / lanes * lanes; c < last; c += lanes) {
-                sum = hn::MulAdd(hn::Load(d, row + c), hn::Load(d, x + c), sum);
-            }
-            sums[q] = hn::GetLane(hn::SumOfLanes(d, sum));
+    const auto take_from_right_side = [&](int row, int end) HWY_ATTR {
+        const Vector factor = hn::Set(d, x[row]);
+        for (int c = 0; c < end; c += lanes) {
+            hn::Store(hn::NegMulAdd(factor, hn::Load(d, system + row * width + c), hn::Load(d, right_side + c)), d,
+                      right_side + c);
         }
-        for (int q = end - begin - 1; q >= 0; --q) {
-            const float* row = system + (begin + q) * width;
-            float value = row[n] - sums[q];
-            for (int c = end - 1; c > begin + q; --c) {
-                value -= row[c] * x[c];
-            }
-            x[begin + q] = value * inverses[begin + q];
+    };
+    for (i = n - 1; i >= num_in_blocks; --i) {
+        x[i] = right_side[i];
+        take_from_right_side(i, i);
+    }
+    for (i = num_in_blocks - 4; i >= 0; i -= 4) {
+        const float* l1 = system + (i + 1) * width;
+        const float* l2 = l1 + width;
+        const float* l3 = l2 + width;
+        const float x3 = right_side[i + 3];
+        const float x2 = right_side[i + 2] - l3[i + 2] * x3;
+        const float x1 = right_side[i + 1] - l3[i + 1] * x3 - l2[i + 1] * x2;
+        const float x0 = right_side[i] - l3[i] * x3 - l2[i] * x2 - l1[i] * x1;
+        x[i] = x0;
+        x[i + 1] = x1;
+        x[i + 2] = x2;
+        x[i + 3] = x3;
+        const Vector v0 = hn::Set(d, x0), v1 = hn::Set(d, x1), v2 = hn::Set(d, x2), v3 = hn::Set(d, x3);
+        for (int c = 0; c < i; c += lanes) {
+            const Vector far = hn::MulAdd(v3, hn::Load(d, l3 + c), hn::Mul(v2, hn::Load(d, l2 + c)));
+            Vector sum = hn::NegMulAdd(v1, hn::Load(d, l1 + c), hn::Load(d, right_side + c));
+            sum = hn::NegMulAdd(v0, hn::Load(d, l1 - width + c), sum);
+            hn::Store(hn::Sub(sum, far), d, right_side + c);
         }
-        end = begin;
     }
     return least;
 }
