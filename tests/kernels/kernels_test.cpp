@@ -204,26 +204,37 @@ TEST_P(KernelsTest, TransformsPoints)
     EXPECT_LE(max_difference(matrix_of(out, 3, 48).leftCols(count), expected.leftCols(count)), 1e-5);
 }
 
-TEST_P(KernelsTest, SumsPoseMoments)
+TEST_P(KernelsTest, AddsPoseMoments)
 {
-    const int stride = 72;
-    AlignedBuffer<double> points(6 * stride);
-    for (std::size_t i = 0; i < points.size(); ++i) {
-        points[i] = random.normal();
-    }
-    double moments[num_pose_moments];
-    double expected[num_pose_moments];
-    kernels.pose_moments(points.data(), stride, moments);
-    scalar::pose_moments(points.data(), stride, expected);
-    const Eigen::Map<const Eigen::Matrix<double, 6, stride, Eigen::RowMajor>> p(points.data());
-    const Eigen::Matrix3d model = p.topRows<3>() * p.row(5).asDiagonal() * p.topRows<3>().transpose();
-    const Eigen::Matrix<double, 2, 3> cross = p.middleRows<2>(3) * p.row(5).asDiagonal() * p.topRows<3>().transpose();
-    EXPECT_NEAR(moments[0], p.row(5).sum(), 1e-12);
-    EXPECT_NEAR(moments[8], model(0, 2), 1e-12);
-    EXPECT_NEAR(moments[13], cross(0, 1), 1e-12);
-    EXPECT_NEAR(moments[17], cross(1, 2), 1e-12);
-    for (int t = 0; t < num_pose_moments; ++t) {
-        EXPECT_NEAR(moments[t], expected[t], 1e-12) << t;
+    for (const int count : {1, 8, 51}) {
+        const int padded = round_up(count, 8);
+        const AlignedBuffer<float> points = random_floats(random, 3 * padded);
+        AlignedBuffer<double> u(padded), v(padded), w(padded);
+        for (AlignedBuffer<double>* values : {&u, &v, &w}) {
+            std::generate_n(values->data(), values->size(), [&] { return random.normal(); });
+        }
+        std::fill(w.data() + count, w.data() + padded, 0.0);
+        double moments[num_pose_moments];
+        double plain[num_pose_moments];
+        for (int t = 0; t < num_pose_moments; ++t) {
+            moments[t] = plain[t] = t; // they are added to
+        }
+        kernels.add_pose_moments(points.data(), u.data(), v.data(), w.data(), count, moments);
+        scalar::add_pose_moments(points.data(), u.data(), v.data(), w.data(), count, plain);
+        Eigen::Matrix<double, 6, Eigen::Dynamic> p(6, count); // 1, x, y, z, u, v of each point
+        p.row(0).setOnes();
+        p.middleRows<3>(1) = Eigen::Map<const Eigen::Matrix3Xf>(points.data(), 3, count).cast<double>();
+        p.row(4) = Eigen::Map<const Eigen::RowVectorXd>(u.data(), count);
+        p.row(5) = Eigen::Map<const Eigen::RowVectorXd>(v.data(), count);
+        const Eigen::Matrix<double, 6, 6> sums =
+            p * Eigen::Map<const Eigen::VectorXd>(w.data(), count).asDiagonal() * p.transpose();
+        const double expected[num_pose_moments] = {
+            sums(0, 0), sums(0, 1), sums(0, 2), sums(0, 3), sums(0, 4), sums(0, 5), sums(1, 1), sums(1, 2), sums(1, 3),
+            sums(2, 2), sums(2, 3), sums(3, 3), sums(4, 1), sums(4, 2), sums(4, 3), sums(5, 1), sums(5, 2), sums(5, 3)};
+        for (int t = 0; t < num_pose_moments; ++t) {
+            EXPECT_NEAR(moments[t], t + expected[t], 1e-11) << t;
+            EXPECT_NEAR(plain[t], t + expected[t], 1e-11) << t;
+        }
     }
 }
 
@@ -238,13 +249,14 @@ TEST_P(KernelsTest, MakesFactorsOfResiduals)
         }
         AlignedBuffer<float> factors(3 * padded);
         AlignedBuffer<float> plain(3 * padded);
-        kernels.residual_factors(points.data(), u.data(), v.data(), w.data(), count, m.data(), factors.data());
-        scalar::residual_factors(points.data(), u.data(), v.data(), w.data(), count, m.data(), plain.data());
+        const double scale = 0.7;
+        kernels.residual_factors(points.data(), u.data(), v.data(), w.data(), scale, count, m.data(), factors.data());
+        scalar::residual_factors(points.data(), u.data(), v.data(), w.data(), scale, count, m.data(), plain.data());
         const Eigen::Map<const Eigen::Matrix<double, 2, 4, Eigen::RowMajor>> camera(m.data());
         for (int i = 0; i < count; ++i) {
             const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(points.data() + 3 * i).cast<double>();
             const Eigen::Vector2d residual = Eigen::Vector2d(u[i], v[i]) - camera.leftCols<3>() * point - camera.col(3);
-            const Eigen::Vector3d expected = w[i] * camera.leftCols<3>().transpose() * residual;
+            const Eigen::Vector3d expected = scale * w[i] * camera.leftCols<3>().transpose() * residual;
             for (int a = 0; a < 3; ++a) {
                 EXPECT_NEAR(factors[3 * i + a], expected[a], 1e-6 * (1 + std::abs(expected[a]))) << i;
                 EXPECT_NEAR(plain[3 * i + a], expected[a], 1e-6 * (1 + std::abs(expected[a]))) << i;

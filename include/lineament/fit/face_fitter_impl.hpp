@@ -198,7 +198,7 @@ LINEAMENT_FIT_INLINE FitResult FaceFitter::fit_pose_and_expression(const Landmar
         detail::FrameFit frame(*this, landmarks, principal_point_px, start);
         bool has_pose = frame.estimate_pose(alpha);
         int iteration = 0;
-        if (has_pose) {
+        if (has_pose && start == nullptr) {
             frame.fit_expression(alpha);
         }
         while (has_pose && iteration < options_.iterations) {

@@ -116,6 +116,7 @@ struct RealtimePack
     PointRows fixed_rows = {};
     std::vector<double> fixed_information = {}; ///< Weight of each before scale and confidence.
     double contour_information = 0.0;           ///< Of a matched landmark.
+    double root_contour_information = 0.0;      ///< Its root.
     /// Six matrices, docs/realtime.md, Eq. (5), of all fixed points with these weights.
     AlignedBuffer<float> identity_grams = {};
     AlignedBuffer<float> expression_grams = {};
@@ -170,8 +171,8 @@ struct NeutralShape
 struct RealtimeMatch
 {
     int landmark_index;
-    double u, v; ///< [px], from the principal point.
-    double information;
+    int row;       ///< Of RealtimePack::contour_rows.
+    int candidate; ///< Among RealtimePack::candidates; -1: found on the silhouette.
 };
 
 /// The cells in which ContourModel asks for depths, from the corner of the silhouette's box.
@@ -185,17 +186,18 @@ struct DepthCells
 struct OutlineLandmark
 {
     int landmark_index;
-    double u, v;
-    double confidence;
+    double u, v;             ///< [px], from the principal point.
+    double information;      ///< Weight before scale.
+    double root_information; ///< Its root.
 };
 
 /// What the fit of one image keeps from step to step, beside the identity.
 struct RealtimeFrame
 {
-    std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
-    std::vector<int> map_indices = {};       ///< Of each landmark given.
-    AlignedBuffer<double> fixed_u = {}, fixed_v = {};
-    std::vector<double> fixed_confidence = {};
+    std::vector<int> landmark_of_fixed = {};          ///< -1: not seen.
+    std::vector<int> map_indices = {};                ///< Of each landmark given.
+    AlignedBuffer<double> fixed_u = {}, fixed_v = {}; ///< [px], from the principal point.
+    AlignedBuffer<double> fixed_information = {};     ///< Weight before scale; 0: not seen.
     std::vector<std::optional<double>> fixed_depth_px = {};
     std::array<std::vector<OutlineLandmark>, 2> outline = {};
     bool has_outline = false;
@@ -204,7 +206,12 @@ struct RealtimeFrame
     int num_fixed_seen = 0;
 
     std::vector<RealtimeMatch> matches = {};
-    std::vector<int> match_rows = {};
+    std::vector<int> match_rows = {}; ///< Of them.
+    int num_silhouette_matches = 0;   ///< They follow each other, from first_silhouette_match on.
+    int first_silhouette_match = 0;
+    AlignedBuffer<double> match_u = {}, match_v = {};
+    AlignedBuffer<double> match_information = {}; ///< Weight before scale, 0 from the last match to a multiple of 8.
+    std::vector<double> match_root_information = {};
 
     std::vector<double> psi = {};
     std::vector<signed char> bound_state = {}; ///< 0 free, -1 at 0, 1 at the upper bound.
@@ -243,10 +250,8 @@ struct RealtimeBuffers
     std::vector<int> new_rows = {};             ///< Matched, but not known of this identity.
     AlignedBuffer<float> new_points = {}, match_offset = {}, match_positions = {};
 
-    AlignedBuffer<double> pose_points = {};
     std::vector<int> present = {};
     std::vector<float> roots = {};
-    AlignedBuffer<double> fixed_weights = {};
     AlignedBuffer<float> factors = {}, residuals = {}, match_roots = {};
     AlignedBuffer<float> rows = {};   ///< Projected.
     AlignedBuffer<float> system = {}; ///< Widest of all.

@@ -23,35 +23,43 @@ inline void RealtimeFit::match_contour()
         const FitOptions& options = fitter_.reference_.options();
         frame_.view = contour_view(angles_from_rotation(frame_.camera.camera_from_model).yaw, frame_.view,
                                    options.contour_matching);
-        frame_.matches.clear();
-        frame_.match_rows.clear();
-        bool has_candidates = false;
+        clear_matches();
         for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
             if (frame_.outline[static_cast<int>(side)].empty()) {
                 continue;
             }
             if (frame_.view != (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left)) {
-                if (!has_candidates) {
-                    has_candidates = true;
-                    evaluate(PointSet::candidates, work_.candidates);
-                }
                 match_candidates(side);
             } else if (options.contour == ContourMode::both &&
                        options.contour_matching.occluding_match != OccludingMatch::none) {
+                frame_.first_silhouette_match = static_cast<int>(frame_.matches.size());
                 match_silhouette(side);
+                frame_.num_silhouette_matches = static_cast<int>(frame_.matches.size()) - frame_.first_silhouette_match;
             }
         }
-        update_matches_neutral();
+        std::fill_n(frame_.match_information.data() + frame_.matches.size(), 8, 0.0);
         update_match_positions();
     }
     set_scale();
 }
 
-inline void RealtimeFit::add_match(const OutlineLandmark& landmark, int row)
+inline void RealtimeFit::clear_matches()
 {
-    frame_.matches.push_back(
-        {landmark.landmark_index, landmark.u, landmark.v, landmark.confidence * pack_.contour_information});
+    frame_.matches.clear();
+    frame_.match_rows.clear();
+    frame_.match_root_information.clear();
+    frame_.num_silhouette_matches = 0;
+}
+
+inline void RealtimeFit::add_match(const OutlineLandmark& landmark, int row, int candidate)
+{
+    const std::size_t i = frame_.matches.size();
+    frame_.matches.push_back({landmark.landmark_index, row, candidate});
     frame_.match_rows.push_back(row);
+    frame_.match_u[i] = landmark.u;
+    frame_.match_v[i] = landmark.v;
+    frame_.match_information[i] = landmark.information;
+    frame_.match_root_information.push_back(landmark.root_information);
 }
 
 /// Ends a list of projected points as kernels read it.
@@ -84,6 +92,7 @@ inline void RealtimeFit::match_candidates(FaceSide side_name)
 {
     const int side = static_cast<int>(side_name);
     const ContourRegion& region = pack_.regions[side];
+    evaluate_candidates();
     const float* points = work_.candidates.data() + 3 * region.first_candidate;
     const int count = static_cast<int>(region.candidate_rows.size());
     for (int i = 0; i < count; ++i) {
@@ -94,7 +103,8 @@ inline void RealtimeFit::match_candidates(FaceSide side_name)
     end_projected(count, work_);
     for (const OutlineLandmark& landmark : frame_.outline[side]) {
         if (count > 0) {
-            add_match(landmark, region.candidate_rows[nearest_projected(count, landmark).first]);
+            const int nearest = nearest_projected(count, landmark).first;
+            add_match(landmark, region.candidate_rows[nearest], region.first_candidate + nearest);
         }
     }
 }
@@ -140,7 +150,7 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
                 std::tie(nearest, squared) = nearest_projected(count, landmark);
             }
             if (is_near(squared)) {
-                add_match(landmark, work_.projected_rows[nearest]);
+                add_match(landmark, work_.projected_rows[nearest], -1);
             }
         }
         return;
@@ -157,7 +167,7 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
             }
         }
         if (is_near(least) && !hidden(i)) {
-            add_match(*nearest, work_.projected_rows[i]);
+            add_match(*nearest, work_.projected_rows[i], -1);
         }
     }
 }

@@ -52,7 +52,8 @@ private:
     void evaluate(PointSet set, AlignedBuffer<float>& out);
     void update_positions();
     void update_match_positions();
-    void update_matches_neutral();
+    void evaluate_candidates();
+    void update_silhouette_neutral();
 
     void match_contour();
     [[nodiscard]] std::pair<int, double> nearest_projected(int count, const OutlineLandmark& landmark);
@@ -61,7 +62,8 @@ private:
     void find_silhouette(const ContourRegion& region);
     void see_occluders();
     [[nodiscard]] bool is_hidden(float x, float y, float depth) const;
-    void add_match(const OutlineLandmark& landmark, int row);
+    void add_match(const OutlineLandmark& landmark, int row, int candidate);
+    void clear_matches();
 
     void set_scale();
     [[nodiscard]] bool estimate_pose();
@@ -85,10 +87,7 @@ private:
         Eigen::VectorXd weights;
     };
     [[nodiscard]] Reference reference_points() const;
-    [[nodiscard]] double fixed_weight(int f) const
-    {
-        return frame_.scale_factor * pack_.fixed_information[f] * frame_.fixed_confidence[f];
-    }
+    [[nodiscard]] double fixed_weight(int f) const { return frame_.scale_factor * frame_.fixed_information[f]; }
 
     const RealtimeFitter& fitter_;
     const RealtimePack& pack_;
@@ -98,6 +97,7 @@ private:
     RealtimeBuffers& work_;
     RealtimeFrame& frame_;
     const FrozenIdentity* frozen_;
+    bool are_candidates_known_ = false; ///< With the present identity and expression.
 
     FitStatus identity_status_ = FitStatus::success;
     std::string identity_reason_ = {};
@@ -114,7 +114,7 @@ inline bool RealtimeFit::read_landmarks()
     frame_.is_nominal = true;
     frame_.num_fixed_seen = 0;
     std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
-    std::fill(frame_.fixed_confidence.begin(), frame_.fixed_confidence.end(), 0.0);
+    std::fill_n(frame_.fixed_information.data(), frame_.fixed_information.size(), 0.0);
     std::fill_n(frame_.fixed_u.data(), frame_.fixed_u.size(), 0.0);
     std::fill_n(frame_.fixed_v.data(), frame_.fixed_v.size(), 0.0);
     frame_.map_indices.clear();
@@ -150,7 +150,8 @@ inline bool RealtimeFit::read_landmarks()
             frame_.fixed_v[entry.fixed_index] = point.y();
             frame_.fixed_depth_px[entry.fixed_index] = landmark.depth_px;
             frame_.has_depth = frame_.has_depth || landmark.depth_px;
-            frame_.fixed_confidence[entry.fixed_index] = landmark.confidence;
+            frame_.fixed_information[entry.fixed_index] =
+                pack_.fixed_information[entry.fixed_index] * landmark.confidence;
             frame_.is_nominal = frame_.is_nominal && landmark.confidence == 1;
             ++frame_.num_fixed_seen;
         } else if (entry.is_outline && pack_.has_contour) {
@@ -158,7 +159,10 @@ inline bool RealtimeFit::read_landmarks()
             if (outline.size() == 8) {
                 return false;
             }
-            outline.push_back({static_cast<int>(l), point.x(), point.y(), landmark.confidence});
+            const bool is_certain = landmark.confidence == 1;
+            const double information = landmark.confidence * pack_.contour_information;
+            outline.push_back({static_cast<int>(l), point.x(), point.y(), information,
+                               is_certain ? pack_.root_contour_information : std::sqrt(information)});
             frame_.has_outline = frame_.has_outline || entry.is_measured;
         }
     }
@@ -208,8 +212,7 @@ inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const 
     frame_.num_held = 0;
     frame_.status = FitStatus::success;
     frame_.reason.clear();
-    frame_.matches.clear();
-    frame_.match_rows.clear();
+    clear_matches();
     if (!read_landmarks() || !read_expressions(start) || frame_.num_fixed_seen < 4) {
         return false;
     }
@@ -221,7 +224,6 @@ inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const 
 inline void RealtimeFit::resume()
 {
     update_rows();
-    update_matches_neutral();
     update_positions();
 }
 
@@ -237,7 +239,7 @@ inline bool RealtimeFit::fit(const Eigen::Vector2d& principal_point_px, const Fi
         return false;
     }
     const FitOptions& options = fitter_.reference_.options();
-    if (start == nullptr || frozen_ != nullptr) {
+    if (start == nullptr) {
         fit_expression();
     }
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
@@ -259,6 +261,7 @@ inline bool RealtimeFit::fit(const Eigen::Vector2d& principal_point_px, const Fi
 
 inline void RealtimeFit::update_rows()
 {
+    are_candidates_known_ = false;
     for (int j = 0; j < pack_.num_expressions; ++j) {
         work_.psi_row[j] = static_cast<float>(frame_.psi[j]);
     }
@@ -303,15 +306,24 @@ inline void RealtimeFit::evaluate(PointSet set, AlignedBuffer<float>& out)
                             work_.psi_row.data(), out.data());
 }
 
-/// Sees to it that the neutral points of all matches are known.
-inline void RealtimeFit::update_matches_neutral()
+inline void RealtimeFit::evaluate_candidates()
+{
+    if (!are_candidates_known_) {
+        evaluate(PointSet::candidates, work_.candidates);
+        are_candidates_known_ = true;
+    }
+}
+
+/// Sees to it that the neutral points of matches on the silhouette are known.
+inline void RealtimeFit::update_silhouette_neutral()
 {
     if (frozen_ != nullptr) {
         return;
     }
     NeutralShape& neutral = work_.neutral;
     work_.new_rows.clear();
-    for (const int row : frame_.match_rows) {
+    for (int i = 0; i < frame_.num_silhouette_matches; ++i) {
+        const int row = frame_.match_rows[frame_.first_silhouette_match + i];
         if (!neutral.is_row_known[row]) {
             neutral.is_row_known[row] = 1;
             work_.new_rows.push_back(row);
@@ -335,17 +347,32 @@ inline void RealtimeFit::update_positions()
     update_match_positions();
 }
 
+/// Candidates are evaluated all at once, which costs less than those that are matched one by one.
 inline void RealtimeFit::update_match_positions()
 {
-    const int count = static_cast<int>(frame_.matches.size());
-    kernels_.multiply_rows(pack_.contour_rows.expression.data(), pack_.expression_width, frame_.match_rows.data(),
-                           count, work_.psi_row.data(), work_.match_offset.data());
+    const int num_silhouette = frame_.num_silhouette_matches;
+    if (frame_.matches.size() > static_cast<std::size_t>(num_silhouette)) {
+        evaluate_candidates();
+    }
+    if (num_silhouette > 0) {
+        update_silhouette_neutral();
+        kernels_.multiply_rows(pack_.contour_rows.expression.data(), pack_.expression_width,
+                               frame_.match_rows.data() + frame_.first_silhouette_match, num_silhouette,
+                               work_.psi_row.data(), work_.match_offset.data());
+    }
     const float* contour = (frozen_ ? frozen_->neutral_ : work_.neutral).contour.data();
-    for (int i = 0; i < count; ++i) {
-        for (int axis = 0; axis < 3; ++axis) {
-            work_.match_positions[3 * i + axis] =
-                contour[3 * frame_.match_rows[i] + axis] + work_.match_offset[3 * i + axis];
+    const float* offset = work_.match_offset.data();
+    float* position = work_.match_positions.data();
+    for (const RealtimeMatch& match : frame_.matches) {
+        if (match.candidate >= 0) {
+            std::copy_n(work_.candidates.data() + 3 * match.candidate, 3, position);
+        } else {
+            for (int axis = 0; axis < 3; ++axis) {
+                position[axis] = contour[3 * match.row + axis] + offset[axis];
+            }
+            offset += 3;
         }
+        position += 3;
     }
 }
 

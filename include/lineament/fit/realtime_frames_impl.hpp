@@ -47,21 +47,20 @@ inline void RealtimeFit::add_to(IdentitySums& sums)
     } else {
         sums.has_fixed_information = true;
         for (int i = 0; i < pack_.fixed.num_points; ++i) {
-            add_information(pack_.fixed_information[i] * frame_.fixed_confidence[i], &sums.fixed_information[6 * i]);
+            add_information(frame_.fixed_information[i], &sums.fixed_information[6 * i]);
         }
     }
     for (int i = 0; i < 3 * pack_.fixed.num_points; ++i) {
         sums.fixed_right_side[i] += work_.factors[i];
     }
     for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        const int row = frame_.match_rows[i];
+        const int row = frame_.matches[i].row;
         if (!sums.is_touched[row]) {
             sums.is_touched[row] = 1;
             sums.touched.push_back(row);
         }
-        const double information = frame_.matches[i].information;
-        add_information(information, &sums.contour_information[6 * row]);
-        const double root = std::sqrt(frame_.scale_factor * information); // residuals come with it once
+        add_information(frame_.match_information[i], &sums.contour_information[6 * row]);
+        const double root = work_.match_roots[i]; // residuals come with it once
         for (int axis = 0; axis < 3; ++axis) {
             sums.contour_right_side[3 * row + axis] += root * (frame_.jacobian[axis] * work_.residuals[2 * i] +
                                                                frame_.jacobian[3 + axis] * work_.residuals[2 * i + 1]);

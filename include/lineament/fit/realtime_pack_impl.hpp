@@ -265,6 +265,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
         pack.map.push_back(entry);
     }
     pack.contour_information = information_of(options.contour_sigma_mm);
+    pack.root_contour_information = std::sqrt(pack.contour_information);
     const auto points_of = [&](const std::vector<int>& landmarks) {
         ModelPoints points =
             ModelPoints::sized(static_cast<Eigen::Index>(landmarks.size()), pack.num_shape, pack.num_expressions);
@@ -319,13 +320,17 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     frame.map_indices.reserve(pack.map.size());
     frame.fixed_u = AlignedBuffer<double>(num_fixed + 8); // whole vectors are read
     frame.fixed_v = AlignedBuffer<double>(num_fixed + 8);
-    frame.fixed_confidence.resize(num_fixed);
+    frame.fixed_information = AlignedBuffer<double>(num_fixed + 8);
     frame.fixed_depth_px.resize(num_fixed);
     for (auto& outline : frame.outline) {
         outline.reserve(16);
     }
     frame.matches.reserve(max_matches);
     frame.match_rows.reserve(max_matches);
+    frame.match_u = AlignedBuffer<double>(max_matches + 8);
+    frame.match_v = AlignedBuffer<double>(max_matches + 8);
+    frame.match_information = AlignedBuffer<double>(max_matches + 8);
+    frame.match_root_information.reserve(max_matches);
     frame.psi.resize(pack.num_expressions);
     frame.bound_state.resize(pack.num_expressions);
     return frame;
@@ -362,11 +367,9 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.new_rows.reserve(max_matches);
     buffers.new_points = AlignedBuffer<float>(3 * max_matches);
     buffers.match_offset = AlignedBuffer<float>(3 * max_matches);
-    buffers.match_positions = AlignedBuffer<float>(3 * max_matches);
-    buffers.pose_points = AlignedBuffer<double>(6 * (num_fixed + max_matches + 8));
+    buffers.match_positions = AlignedBuffer<float>(3 * (max_matches + 8));
     buffers.present.reserve(num_fixed);
     buffers.roots.reserve(num_fixed);
-    buffers.fixed_weights = AlignedBuffer<double>(num_fixed + 8);
     buffers.factors = AlignedBuffer<float>(3 * (num_fixed + 8));
     buffers.residuals = AlignedBuffer<float>(2 * max_matches);
     buffers.match_roots = AlignedBuffer<float>(max_matches);

@@ -24,36 +24,12 @@ inline void RealtimeFit::set_scale()
 
 inline bool RealtimeFit::estimate_pose()
 {
-    const int num_fixed = pack_.fixed.num_points;
-    const int count = static_cast<int>(frame_.matches.size());
-    const int stride = kernels::round_up(num_fixed + count, 8);
-    double* x = work_.pose_points.data();
-    double* y = x + stride;
-    double* z = y + stride;
-    double* u = z + stride;
-    double* v = u + stride;
-    double* w = v + stride;
-    for (int i = 0; i < num_fixed; ++i) {
-        x[i] = work_.fixed[3 * i];
-        y[i] = work_.fixed[3 * i + 1];
-        z[i] = work_.fixed[3 * i + 2];
-        u[i] = frame_.fixed_u[i];
-        v[i] = frame_.fixed_v[i];
-        w[i] = fixed_weight(i);
-    }
-    for (int i = 0; i < count; ++i) {
-        x[num_fixed + i] = work_.match_positions[3 * i];
-        y[num_fixed + i] = work_.match_positions[3 * i + 1];
-        z[num_fixed + i] = work_.match_positions[3 * i + 2];
-        u[num_fixed + i] = frame_.matches[i].u;
-        v[num_fixed + i] = frame_.matches[i].v;
-        w[num_fixed + i] = frame_.scale_factor * frame_.matches[i].information;
-    }
-    for (int i = num_fixed + count; i < stride; ++i) {
-        x[i] = y[i] = z[i] = u[i] = v[i] = w[i] = 0;
-    }
-    double moments[kernels::num_pose_moments];
-    kernels_.pose_moments(work_.pose_points.data(), stride, moments);
+    // The common factor of the weights does not matter.
+    double moments[kernels::num_pose_moments] = {};
+    kernels_.add_pose_moments(work_.fixed.data(), frame_.fixed_u.data(), frame_.fixed_v.data(),
+                              frame_.fixed_information.data(), pack_.fixed.num_points, moments);
+    kernels_.add_pose_moments(work_.match_positions.data(), frame_.match_u.data(), frame_.match_v.data(),
+                              frame_.match_information.data(), static_cast<int>(frame_.matches.size()), moments);
     if (!estimate_pose_closed_form(moments)) {
         const Reference reference = reference_points();
         const PoseResult pose = lineament::estimate_pose(
@@ -106,10 +82,9 @@ inline void RealtimeFit::turn_by_depth()
         }
     }
     for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        const RealtimeMatch& match = frame_.matches[i];
-        all.add(frame_.scale_factor * match.information,
+        all.add(frame_.scale_factor * frame_.match_information[i],
                 Eigen::Map<const Eigen::Vector3f>(work_.match_positions.data() + 3 * i).cast<double>(),
-                {match.u, match.v, 0.0});
+                {frame_.match_u[i], frame_.match_v[i], 0.0});
     }
     // Image points are relative to the principal point here.
     Camera camera = frame_.camera;

@@ -48,8 +48,8 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
     for (int i = 0; i < pack_.fixed.num_points; ++i) {
         largest_weight = std::max(largest_weight, fixed_weight(i));
     }
-    for (const RealtimeMatch& match : frame_.matches) {
-        largest_weight = std::max(largest_weight, frame_.scale_factor * match.information);
+    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
+        largest_weight = std::max(largest_weight, frame_.scale_factor * frame_.match_information[i]);
     }
     result.chi_square = 0;
     result.landmarks.resize(landmarks_.landmarks.size());
@@ -78,9 +78,8 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         }
     }
     for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        const RealtimeMatch& match = frame_.matches[i];
-        add_used_point(project(work_.match_positions.data() + 3 * i), frame_.scale_factor * match.information,
-                       largest_weight, result.landmarks[match.landmark_index], result.chi_square);
+        add_used_point(project(work_.match_positions.data() + 3 * i), frame_.scale_factor * frame_.match_information[i],
+                       largest_weight, result.landmarks[frame_.matches[i].landmark_index], result.chi_square);
     }
     sum_up(options, result);
 }

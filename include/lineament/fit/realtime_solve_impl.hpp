@@ -21,20 +21,23 @@ inline void RealtimeFit::update_residuals()
     const double ax = s * r(0, 0), ay = s * r(0, 1), az = s * r(0, 2), a0 = s * frame_.camera.translation_mm.x();
     const double bx = s * r(1, 0), by = s * r(1, 1), bz = s * r(1, 2), b0 = s * frame_.camera.translation_mm.y();
     const double image_from_model[8] = {ax, ay, az, a0, bx, by, bz, b0};
-    for (int i = 0; i < pack_.fixed.num_points; ++i) {
-        work_.fixed_weights[i] = fixed_weight(i);
-    }
     kernels_.residual_factors(work_.fixed.data(), frame_.fixed_u.data(), frame_.fixed_v.data(),
-                              work_.fixed_weights.data(), pack_.fixed.num_points, image_from_model,
-                              work_.factors.data());
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        const RealtimeMatch& match = frame_.matches[i];
-        const float* p = work_.match_positions.data() + 3 * i;
-        const double x = p[0], y = p[1], z = p[2];
-        const double root = std::sqrt(frame_.scale_factor * match.information);
-        work_.match_roots[i] = static_cast<float>(root);
-        work_.residuals[2 * i] = static_cast<float>(root * (match.u - (ax * x + ay * y + az * z + a0)));
-        work_.residuals[2 * i + 1] = static_cast<float>(root * (match.v - (bx * x + by * y + bz * z + b0)));
+                              frame_.fixed_information.data(), frame_.scale_factor, pack_.fixed.num_points,
+                              image_from_model, work_.factors.data());
+    const double root_scale_factor = std::sqrt(frame_.scale_factor);
+    const float* p = work_.match_positions.data();
+    const double* u = frame_.match_u.data();
+    const double* v = frame_.match_v.data();
+    const double* root_information = frame_.match_root_information.data();
+    float* roots = work_.match_roots.data();
+    float* residuals = work_.residuals.data();
+    const std::size_t count = frame_.matches.size();
+    for (std::size_t i = 0; i < count; ++i) {
+        const double x = p[3 * i], y = p[3 * i + 1], z = p[3 * i + 2];
+        const double root = root_scale_factor * root_information[i];
+        roots[i] = static_cast<float>(root);
+        residuals[2 * i] = static_cast<float>(root * (u[i] - (ax * x + ay * y + az * z + a0)));
+        residuals[2 * i + 1] = static_cast<float>(root * (v[i] - (bx * x + by * y + bz * z + b0)));
     }
 }
 
@@ -265,9 +268,9 @@ inline RealtimeFit::Reference RealtimeFit::reference_points() const
     }
     for (std::size_t i = 0; i < frame_.matches.size(); ++i, ++to) {
         const RealtimeMatch& match = frame_.matches[i];
-        fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[frame_.match_rows[i]]);
+        fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[match.row]);
         reference.image_points.col(to) = landmarks_.landmarks[match.landmark_index].point_px;
-        reference.weights[to] = frame_.scale_factor * match.information;
+        reference.weights[to] = frame_.scale_factor * frame_.match_information[i];
     }
     return reference;
 }

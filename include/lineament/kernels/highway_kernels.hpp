@@ -201,8 +201,8 @@ enum class Sign
     minus,
 };
 
-/// Four rows of `target` and N vectors of columns of them, with the sum over k of factors[k factor_step + q] times row k
-/// of `rows` added to or taken from row q.
+/// Four rows of `target` and N vectors of columns of them, with the sum over k of factors[k factor_step + q] times row
+/// k of `rows` added to or taken from row q.
 template <int N, Sign sign>
 HWY_INLINE void add_products(const float* rows, const float* factors, int count, int width, int factor_step,
                              float* target)
@@ -243,8 +243,7 @@ HWY_INLINE void add_products(const float* rows, const float* factors, int count,
     }
     for (int q = 0; q < 4; ++q) {
         for (int v = 0; v < N; ++v) {
-            const Vector sum =
-                num_chains == 1 ? sums[0][q][v] : hn::Add(sums[0][q][v], sums[num_chains - 1][q][v]);
+            const Vector sum = num_chains == 1 ? sums[0][q][v] : hn::Add(sums[0][q][v], sums[num_chains - 1][q][v]);
             hn::Store(sum, d, target + q * width + v * lanes);
         }
     }
@@ -252,8 +251,8 @@ HWY_INLINE void add_products(const float* rows, const float* factors, int count,
 
 /// The same of the columns from c on.
 template <Sign sign>
-HWY_INLINE void add_products_from(int c, const float* rows, const float* factors, int count, int width,
-                                  int factor_step, float* target)
+HWY_INLINE void add_products_from(int c, const float* rows, const float* factors, int count, int width, int factor_step,
+                                  float* target)
 {
     constexpr int most = lanes == 16 ? 4 : 2; // with four rows they fit into the registers
     for (; width - c >= most * lanes; c += most * lanes) {
@@ -476,21 +475,23 @@ inline void transform_points(const float* points, int step, int count, const flo
     }
 }
 
-inline void pose_moments(const double* points, int stride, double* moments)
+inline void add_pose_moments(const float* points, const double* seen_u, const double* seen_v, const double* weights,
+                             int count, double* moments)
 {
     using Doubles = hn::CappedTag<double, 8>;
     using V = hn::Vec<Doubles>;
     const Doubles d;
+    const hn::Rebind<float, Doubles> narrow;
     const V zero = hn::Zero(d);
     V w1 = zero, wx = zero, wy = zero, wz = zero, wu = zero, wv = zero, xx = zero, xy = zero, xz = zero;
     V yy = zero, yz = zero, zz = zero, ux = zero, uy = zero, uz = zero, vx = zero, vy = zero, vz = zero;
-    for (int i = 0; i < stride; i += static_cast<int>(hn::MaxLanes(d))) {
-        const V x = hn::Load(d, points + i);
-        const V y = hn::Load(d, points + stride + i);
-        const V z = hn::Load(d, points + 2 * stride + i);
-        const V w = hn::Load(d, points + 5 * stride + i);
-        const V u = hn::Mul(w, hn::Load(d, points + 3 * stride + i));
-        const V v = hn::Mul(w, hn::Load(d, points + 4 * stride + i));
+    for (int i = 0; i < count; i += static_cast<int>(hn::MaxLanes(d))) {
+        hn::Vec<decltype(narrow)> px, py, pz;
+        hn::LoadInterleaved3(narrow, points + 3 * i, px, py, pz);
+        const V x = hn::PromoteTo(d, px), y = hn::PromoteTo(d, py), z = hn::PromoteTo(d, pz);
+        const V w = hn::Load(d, weights + i);
+        const V u = hn::Mul(w, hn::Load(d, seen_u + i));
+        const V v = hn::Mul(w, hn::Load(d, seen_v + i));
         const V a = hn::Mul(w, x);
         const V b = hn::Mul(w, y);
         const V c = hn::Mul(w, z);
@@ -515,17 +516,18 @@ inline void pose_moments(const double* points, int stride, double* moments)
     }
     const V sums[num_pose_moments] = {w1, wx, wy, wz, wu, wv, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz};
     for (int t = 0; t < num_pose_moments; ++t) {
-        moments[t] = hn::GetLane(hn::SumOfLanes(d, sums[t]));
+        moments[t] += hn::GetLane(hn::SumOfLanes(d, sums[t]));
     }
 }
 
-inline void residual_factors(const float* points, const double* u, const double* v, const double* w, int count,
-                             const double* m, float* factors)
+inline void residual_factors(const float* points, const double* u, const double* v, const double* w, double scale,
+                             int count, const double* m, float* factors)
 {
     const hn::CappedTag<double, 8> d;
     const hn::Rebind<float, decltype(d)> narrow;
     using V = hn::Vec<decltype(d)>;
     const V ax = hn::Set(d, m[0]), ay = hn::Set(d, m[1]), az = hn::Set(d, m[2]), a0 = hn::Set(d, m[3]);
+    const V factor = hn::Set(d, scale);
     const V bx = hn::Set(d, m[4]), by = hn::Set(d, m[5]), bz = hn::Set(d, m[6]), b0 = hn::Set(d, m[7]);
     for (int i = 0; i < count; i += static_cast<int>(hn::MaxLanes(d))) {
         hn::Vec<decltype(narrow)> px, py, pz;
@@ -533,7 +535,7 @@ inline void residual_factors(const float* points, const double* u, const double*
         const V x = hn::PromoteTo(d, px), y = hn::PromoteTo(d, py), z = hn::PromoteTo(d, pz);
         const V seen_u = hn::MulAdd(az, z, hn::MulAdd(ay, y, hn::MulAdd(ax, x, a0)));
         const V seen_v = hn::MulAdd(bz, z, hn::MulAdd(by, y, hn::MulAdd(bx, x, b0)));
-        const V weight = hn::Load(d, w + i);
+        const V weight = hn::Mul(factor, hn::Load(d, w + i));
         const V du = hn::Mul(weight, hn::Sub(hn::Load(d, u + i), seen_u));
         const V dv = hn::Mul(weight, hn::Sub(hn::Load(d, v + i), seen_v));
         hn::StoreInterleaved3(hn::DemoteTo(narrow, hn::MulAdd(ax, du, hn::Mul(bx, dv))),
@@ -582,7 +584,7 @@ inline int nearest_point(const double* u, const double* v, int count, double to_
                                     add_rows,
                                     solve_positive,
                                     transform_points,
-                                    pose_moments,
+                                    add_pose_moments,
                                     residual_factors,
                                     nearest_point};
     return &kernels;

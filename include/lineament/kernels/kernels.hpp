@@ -62,15 +62,16 @@ struct Kernels
     /// out_a[i] = m[4a] x_i + m[4a + 1] y_i + m[4a + 2] z_i + m[4a + 3] for a = 0..2, in rows of `out_step`.
     void (*transform_points)(const float* points, int step, int count, const float* m, float* out, int out_step);
 
-    /// Weighted sums of points: moments = sum w {1, x, y, z, u, v, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz}.
-    /// `points` holds six rows x, y, z, u, v, w of `stride` doubles, a multiple of 8, zero beyond the points.
-    void (*pose_moments)(const double* points, int stride, double* moments);
+    /// Weighted sums of points x0 y0 z0 x1 ..., seen at (u[i], v[i]): moments += sum w {1, x, y, z, u, v, xx, xy, xz,
+    /// yy, yz, zz, ux, uy, uz, vx, vy, vz}. Points up to a multiple of 8 are read; w is 0 beyond `count`.
+    void (*add_pose_moments)(const float* points, const double* u, const double* v, const double* w, int count,
+                             double* moments);
 
     /// What weighted residuals ask of points x0 y0 z0 x1 ..., seen at (u[i], v[i]): factors[3i + a] = m[a] du + m[4 +
-    /// a] dv with du = w[i] (u[i] - m[0] x - m[1] y - m[2] z - m[3]), and dv likewise from m[4] on. Points up to a
-    /// multiple of 8 are read and written.
-    void (*residual_factors)(const float* points, const double* u, const double* v, const double* w, int count,
-                             const double* m, float* factors);
+    /// a] dv with du = scale w[i] (u[i] - m[0] x - m[1] y - m[2] z - m[3]), and dv likewise from m[4] on. Points up to
+    /// a multiple of 8 are read and written.
+    void (*residual_factors)(const float* points, const double* u, const double* v, const double* w, double scale,
+                             int count, const double* m, float* factors);
 
     /// Of the points (u[i], v[i]), i < count, the first of those nearest to (to_u, to_v); its squared distance is
     /// squared[that]. u and v have a multiple of 8 doubles, infinite beyond the points, and `squared` as many. The same

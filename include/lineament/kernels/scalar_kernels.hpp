@@ -135,16 +135,14 @@ inline void transform_points(const float* points, int step, int count, const flo
     }
 }
 
-inline void pose_moments(const double* points, int stride, double* moments)
+inline void add_pose_moments(const float* points, const double* seen_u, const double* seen_v, const double* weights,
+                             int count, double* moments)
 {
-    std::fill_n(moments, num_pose_moments, 0.0);
-    for (int i = 0; i < stride; ++i) {
-        const double x = points[i];
-        const double y = points[stride + i];
-        const double z = points[2 * stride + i];
-        const double w = points[5 * stride + i];
-        const double u = w * points[3 * stride + i];
-        const double v = w * points[4 * stride + i];
+    for (int i = 0; i < count; ++i) {
+        const double x = points[3 * i], y = points[3 * i + 1], z = points[3 * i + 2];
+        const double w = weights[i];
+        const double u = w * seen_u[i];
+        const double v = w * seen_v[i];
         const double terms[num_pose_moments] = {w,         w * x,     w * y,     w * z,     u,         v,
                                                 w * x * x, w * x * y, w * x * z, w * y * y, w * y * z, w * z * z,
                                                 u * x,     u * y,     u * z,     v * x,     v * y,     v * z};
@@ -154,13 +152,13 @@ inline void pose_moments(const double* points, int stride, double* moments)
     }
 }
 
-inline void residual_factors(const float* points, const double* u, const double* v, const double* w, int count,
-                             const double* m, float* factors)
+inline void residual_factors(const float* points, const double* u, const double* v, const double* w, double scale,
+                             int count, const double* m, float* factors)
 {
     for (int i = 0; i < count; ++i) {
         const double x = points[3 * i], y = points[3 * i + 1], z = points[3 * i + 2];
-        const double du = w[i] * (u[i] - (m[0] * x + m[1] * y + m[2] * z + m[3]));
-        const double dv = w[i] * (v[i] - (m[4] * x + m[5] * y + m[6] * z + m[7]));
+        const double du = scale * w[i] * (u[i] - (m[0] * x + m[1] * y + m[2] * z + m[3]));
+        const double dv = scale * w[i] * (v[i] - (m[4] * x + m[5] * y + m[6] * z + m[7]));
         for (int a = 0; a < 3; ++a) {
             factors[3 * i + a] = static_cast<float>(m[a] * du + m[4 + a] * dv);
         }
@@ -196,7 +194,7 @@ namespace lineament::kernels {
                                       scalar::add_rows,
                                       scalar::solve_positive,
                                       scalar::transform_points,
-                                      scalar::pose_moments,
+                                      scalar::add_pose_moments,
                                       scalar::residual_factors,
                                       scalar::nearest_point};
     return table;
