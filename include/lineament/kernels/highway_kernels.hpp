@@ -7,6 +7,7 @@
 
 #ifdef LINEAMENT_USE_HIGHWAY
 
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 // An include guard that opens once for each instruction set.
@@ -98,7 +99,18 @@ struct ReadInt16
     }
 };
 
-template <typename Read, typename T>
+/// Asks for numbers that will be read before long; beyond the end of the columns too, which does no harm.
+template <typename T>
+HWY_INLINE void fetch_chunk(const T* from)
+{
+    constexpr int line = 64 / static_cast<int>(sizeof(T));
+    for (int c = 0; c < chunk; c += line) {
+        hwy::Prefetch(from + c);
+    }
+}
+
+/// `fetches`: asks for columns 16 ahead, which beats the processor's own guesses where they come from far caches.
+template <typename Read, bool fetches, typename T>
 HWY_INLINE void combine(const float* base, const T* panels, int num_panels, int num_columns, const float* coefficients,
                         float* out)
 {
@@ -109,11 +121,26 @@ HWY_INLINE void combine(const float* base, const T* panels, int num_panels, int 
             sums.load(base + p * panel_size + begin);
             const T* column = panels + begin;
             for (int j = 0; j < num_columns; ++j, column += panel_size) {
+                if (fetches) {
+                    fetch_chunk(column + 16 * panel_size);
+                }
                 sums.add(hn::Set(d, coefficients[j]), Read{column});
             }
             sums.store(out + p * panel_size + begin);
         }
         panels += static_cast<std::ptrdiff_t>(num_columns) * panel_size;
+    }
+}
+
+/// A single panel is one of a batch of faces, whose columns lie in the nearest cache.
+template <typename Read, typename T>
+HWY_INLINE void combine(const float* base, const T* panels, int num_panels, int num_columns, const float* coefficients,
+                        float* out)
+{
+    if (num_panels == 1) {
+        combine<Read, false>(base, panels, num_panels, num_columns, coefficients, out);
+    } else {
+        combine<Read, true>(base, panels, num_panels, num_columns, coefficients, out);
     }
 }
 
