@@ -191,6 +191,23 @@ struct OutlineLandmark
     double root_information; ///< Its root.
 };
 
+/// Those of one side.
+class OutlineLandmarks
+{
+public:
+    static constexpr int max_count = 8;
+
+    void clear() { count_ = 0; }
+    void add(const OutlineLandmark& landmark) { landmarks_[count_++] = landmark; } ///< At most max_count.
+    [[nodiscard]] int count() const { return count_; }
+    [[nodiscard]] const OutlineLandmark* begin() const { return landmarks_.data(); }
+    [[nodiscard]] const OutlineLandmark* end() const { return landmarks_.data() + count_; }
+
+private:
+    std::array<OutlineLandmark, max_count> landmarks_ = {};
+    int count_ = 0;
+};
+
 /// What the fit of one image keeps from step to step, beside the identity.
 struct RealtimeFrame
 {
@@ -199,7 +216,7 @@ struct RealtimeFrame
     AlignedBuffer<double> fixed_u = {}, fixed_v = {}; ///< [px], from the principal point.
     AlignedBuffer<double> fixed_information = {};     ///< Weight before scale; 0: not seen.
     std::vector<std::optional<double>> fixed_depth_px = {};
-    std::array<std::vector<OutlineLandmark>, 2> outline = {};
+    std::array<OutlineLandmarks, 2> outline = {}; ///< By FaceSide.
     bool has_outline = false;
     bool has_depth = false; ///< Of any fixed point.
     bool is_nominal = true; ///< Every fixed point seen with confidence 1: the Gram matrices hold.

@@ -25,7 +25,7 @@ inline void RealtimeFit::match_contour()
                                    options.contour_matching);
         clear_matches();
         for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
-            if (frame_.outline[static_cast<int>(side)].empty()) {
+            if (frame_.outline[static_cast<int>(side)].count() == 0) {
                 continue;
             }
             if (frame_.view != (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left)) {
@@ -140,7 +140,7 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
     constexpr double infinity = std::numeric_limits<double>::infinity();
     const double max_distance_px = options.max_distance_mm * frame_.camera.scale_px_per_mm;
     const auto is_near = [&](double squared) { return squared < infinity && std::sqrt(squared) <= max_distance_px; };
-    const std::vector<OutlineLandmark>& outline = frame_.outline[side];
+    const OutlineLandmarks& outline = frame_.outline[side];
     if (options.occluding_match == OccludingMatch::landmark_to_silhouette) {
         for (const OutlineLandmark& landmark : outline) {
             // Hidden points are dropped when they are about to be matched: few are ever asked.

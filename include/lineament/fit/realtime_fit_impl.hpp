@@ -69,6 +69,7 @@ private:
     [[nodiscard]] bool estimate_pose();
     [[nodiscard]] bool estimate_pose_closed_form(const double* moments);
     void update_jacobian();
+    [[nodiscard]] std::array<double, 8> image_from_model() const;
     void update_residuals();
     [[nodiscard]] std::array<double, 6> gram_factors() const;
     void add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int width,
@@ -103,34 +104,43 @@ private:
     std::string identity_reason_ = {};
 };
 
+/// Of names of a few characters faster than a call.
+[[nodiscard]] inline bool is_same_name(const std::string& a, const std::string& b)
+{
+    return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin());
+}
+
 inline bool RealtimeFit::read_landmarks()
 {
     const FaceFitter& reference = fitter_.reference_;
-    if (!frame_.camera.principal_point_px.allFinite() || landmarks_.scheme != reference.scheme()) {
+    const Eigen::Vector2d principal_point_px = frame_.camera.principal_point_px;
+    if (!principal_point_px.allFinite() || landmarks_.scheme != reference.scheme()) {
         return false;
     }
+    const LandmarkMap& map = reference.landmark_map();
+    const std::size_t num_names = map.names.size();
+    const std::size_t count = landmarks_.landmarks.size();
+    int num_fixed_seen = 0;
+    bool is_certain = true;
     frame_.has_outline = false;
     frame_.has_depth = false;
-    frame_.is_nominal = true;
-    frame_.num_fixed_seen = 0;
     std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
     std::fill_n(frame_.fixed_information.data(), frame_.fixed_information.size(), 0.0);
-    std::fill_n(frame_.fixed_u.data(), frame_.fixed_u.size(), 0.0);
-    std::fill_n(frame_.fixed_v.data(), frame_.fixed_v.size(), 0.0);
-    frame_.map_indices.clear();
+    frame_.map_indices.resize(count);
     frame_.outline[0].clear();
     frame_.outline[1].clear();
-    const LandmarkMap& map = reference.landmark_map();
-    for (std::size_t l = 0; l < landmarks_.landmarks.size(); ++l) {
+    for (std::size_t l = 0; l < count; ++l) {
         const Landmark& landmark = landmarks_.landmarks[l];
-        if (!landmark.point_px.allFinite() || !std::isfinite(landmark.depth_px.value_or(0.0)) ||
-            !(landmark.confidence >= 0 && landmark.confidence <= 1)) {
+        const double confidence = landmark.confidence;
+        const Eigen::Vector2d point = landmark.point_px - principal_point_px;
+        if (!std::isfinite(point.x()) || !std::isfinite(point.y()) || !(confidence >= 0 && confidence <= 1) ||
+            (landmark.depth_px && !std::isfinite(*landmark.depth_px))) {
             return false;
         }
-        const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name;
+        const bool is_in_order = l < num_names && is_same_name(map.names[l], landmark.name);
         const int index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
-        frame_.map_indices.push_back(index);
-        if (landmark.confidence == 0) {
+        frame_.map_indices[l] = index;
+        if (confidence == 0) {
             continue;
         }
         if (index < 0) {
@@ -140,33 +150,32 @@ inline bool RealtimeFit::read_landmarks()
             continue;
         }
         const MapEntry& entry = pack_.map[index];
-        const Eigen::Vector2d point = landmark.point_px - frame_.camera.principal_point_px;
         if (entry.fixed_index >= 0) {
-            if (frame_.landmark_of_fixed[entry.fixed_index] >= 0) {
+            const int f = entry.fixed_index;
+            if (frame_.landmark_of_fixed[f] >= 0) {
                 return false; // seen twice
             }
-            frame_.landmark_of_fixed[entry.fixed_index] = static_cast<int>(l);
-            frame_.fixed_u[entry.fixed_index] = point.x();
-            frame_.fixed_v[entry.fixed_index] = point.y();
-            frame_.fixed_depth_px[entry.fixed_index] = landmark.depth_px;
+            frame_.landmark_of_fixed[f] = static_cast<int>(l);
+            frame_.fixed_u[f] = point.x();
+            frame_.fixed_v[f] = point.y();
+            frame_.fixed_information[f] = pack_.fixed_information[f] * confidence;
+            frame_.fixed_depth_px[f] = landmark.depth_px;
             frame_.has_depth = frame_.has_depth || landmark.depth_px;
-            frame_.fixed_information[entry.fixed_index] =
-                pack_.fixed_information[entry.fixed_index] * landmark.confidence;
-            frame_.is_nominal = frame_.is_nominal && landmark.confidence == 1;
-            ++frame_.num_fixed_seen;
+            is_certain = is_certain && confidence == 1;
+            ++num_fixed_seen;
         } else if (entry.is_outline && pack_.has_contour) {
-            std::vector<OutlineLandmark>& outline = frame_.outline[static_cast<int>(entry.side)];
-            if (outline.size() == 8) {
+            OutlineLandmarks& outline = frame_.outline[static_cast<int>(entry.side)];
+            if (outline.count() == OutlineLandmarks::max_count) {
                 return false;
             }
-            const bool is_certain = landmark.confidence == 1;
-            const double information = landmark.confidence * pack_.contour_information;
-            outline.push_back({static_cast<int>(l), point.x(), point.y(), information,
-                               is_certain ? pack_.root_contour_information : std::sqrt(information)});
+            const double information = confidence * pack_.contour_information;
+            outline.add({static_cast<int>(l), point.x(), point.y(), information,
+                         confidence == 1 ? pack_.root_contour_information : std::sqrt(information)});
             frame_.has_outline = frame_.has_outline || entry.is_measured;
         }
     }
-    frame_.is_nominal = frame_.is_nominal && frame_.num_fixed_seen == pack_.fixed.num_points;
+    frame_.num_fixed_seen = num_fixed_seen;
+    frame_.is_nominal = is_certain && num_fixed_seen == pack_.fixed.num_points;
     return true;
 }
 

@@ -322,9 +322,6 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     frame.fixed_v = AlignedBuffer<double>(num_fixed + 8);
     frame.fixed_information = AlignedBuffer<double>(num_fixed + 8);
     frame.fixed_depth_px.resize(num_fixed);
-    for (auto& outline : frame.outline) {
-        outline.reserve(16);
-    }
     frame.matches.reserve(max_matches);
     frame.match_rows.reserve(max_matches);
     frame.match_u = AlignedBuffer<double>(max_matches + 8);

@@ -60,6 +60,15 @@ inline void RealtimeFit::update_jacobian()
     }
 }
 
+/// Two rows s (R_2, t) to points relative to the principal point.
+inline std::array<double, 8> RealtimeFit::image_from_model() const
+{
+    const double s = frame_.camera.scale_px_per_mm;
+    const Eigen::Matrix3d& r = frame_.camera.camera_from_model;
+    const Eigen::Vector2d& t = frame_.camera.translation_mm;
+    return {s * r(0, 0), s * r(0, 1), s * r(0, 2), s * t.x(), s * r(1, 0), s * r(1, 1), s * r(1, 2), s * t.y()};
+}
+
 /// As FrameFit::turn_by_depth.
 inline void RealtimeFit::turn_by_depth()
 {

@@ -40,9 +40,12 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
     }
 
     evaluate(PointSet::rest, work_.rest);
-    const auto project = [&](const float* point) {
-        return Eigen::Vector2d(project_point(frame_.camera, point[0], point[1], point[2]) +
-                               frame_.camera.principal_point_px);
+    std::array<double, 8> m = image_from_model();
+    m[3] += frame_.camera.principal_point_px.x();
+    m[7] += frame_.camera.principal_point_px.y();
+    const auto project = [m](const float* point) {
+        const double x = point[0], y = point[1], z = point[2];
+        return Eigen::Vector2d(m[0] * x + m[1] * y + m[2] * z + m[3], m[4] * x + m[5] * y + m[6] * z + m[7]);
     };
     double largest_weight = std::numeric_limits<double>::min();
     for (int i = 0; i < pack_.fixed.num_points; ++i) {
@@ -51,12 +54,13 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
     for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
         largest_weight = std::max(largest_weight, frame_.scale_factor * frame_.match_information[i]);
     }
-    result.chi_square = 0;
-    result.landmarks.resize(landmarks_.landmarks.size());
-    for (std::size_t l = 0; l < landmarks_.landmarks.size(); ++l) {
+    double chi_square = 0;
+    const std::size_t count = landmarks_.landmarks.size();
+    result.landmarks.resize(count);
+    for (std::size_t l = 0; l < count; ++l) {
         const Landmark& landmark = landmarks_.landmarks[l];
         FittedLandmark& fitted = result.landmarks[l];
-        if (fitted.name != landmark.name) {
+        if (!is_same_name(fitted.name, landmark.name)) {
             fitted.name = landmark.name;
         }
         fitted.point_px = landmark.point_px;
@@ -71,16 +75,17 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
             fitted.fitted_px = project(work_.rest.data() + 3 * entry.rest_index);
             continue;
         }
-        fitted.fitted_px = project(work_.fixed.data() + 3 * entry.fixed_index);
+        const Eigen::Vector2d seen = project(work_.fixed.data() + 3 * entry.fixed_index);
+        fitted.fitted_px = seen;
         if (frame_.landmark_of_fixed[entry.fixed_index] == static_cast<int>(l)) {
-            add_used_point(fitted.fitted_px, fixed_weight(entry.fixed_index), largest_weight, fitted,
-                           result.chi_square);
+            add_used_point(seen, fixed_weight(entry.fixed_index), largest_weight, fitted, chi_square);
         }
     }
     for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
         add_used_point(project(work_.match_positions.data() + 3 * i), frame_.scale_factor * frame_.match_information[i],
-                       largest_weight, result.landmarks[frame_.matches[i].landmark_index], result.chi_square);
+                       largest_weight, result.landmarks[frame_.matches[i].landmark_index], chi_square);
     }
+    result.chi_square = chi_square;
     sum_up(options, result);
 }
 

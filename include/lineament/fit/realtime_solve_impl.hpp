@@ -16,14 +16,10 @@ namespace lineament::detail {
 /// and the residuals times these.
 inline void RealtimeFit::update_residuals()
 {
-    const double s = frame_.camera.scale_px_per_mm;
-    const Eigen::Matrix3d& r = frame_.camera.camera_from_model;
-    const double ax = s * r(0, 0), ay = s * r(0, 1), az = s * r(0, 2), a0 = s * frame_.camera.translation_mm.x();
-    const double bx = s * r(1, 0), by = s * r(1, 1), bz = s * r(1, 2), b0 = s * frame_.camera.translation_mm.y();
-    const double image_from_model[8] = {ax, ay, az, a0, bx, by, bz, b0};
+    const std::array<double, 8> m = image_from_model();
     kernels_.residual_factors(work_.fixed.data(), frame_.fixed_u.data(), frame_.fixed_v.data(),
-                              frame_.fixed_information.data(), frame_.scale_factor, pack_.fixed.num_points,
-                              image_from_model, work_.factors.data());
+                              frame_.fixed_information.data(), frame_.scale_factor, pack_.fixed.num_points, m.data(),
+                              work_.factors.data());
     const double root_scale_factor = std::sqrt(frame_.scale_factor);
     const float* p = work_.match_positions.data();
     const double* u = frame_.match_u.data();
@@ -36,8 +32,8 @@ inline void RealtimeFit::update_residuals()
         const double x = p[3 * i], y = p[3 * i + 1], z = p[3 * i + 2];
         const double root = root_scale_factor * root_information[i];
         roots[i] = static_cast<float>(root);
-        residuals[2 * i] = static_cast<float>(root * (u[i] - (ax * x + ay * y + az * z + a0)));
-        residuals[2 * i + 1] = static_cast<float>(root * (v[i] - (bx * x + by * y + bz * z + b0)));
+        residuals[2 * i] = static_cast<float>(root * (u[i] - (m[0] * x + m[1] * y + m[2] * z + m[3])));
+        residuals[2 * i + 1] = static_cast<float>(root * (v[i] - (m[4] * x + m[5] * y + m[6] * z + m[7])));
     }
 }
 
