@@ -107,7 +107,15 @@ private:
 /// Of names of a few characters faster than a call.
 [[nodiscard]] inline bool is_same_name(const std::string& a, const std::string& b)
 {
-    return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin());
+    if (a.size() != b.size()) {
+        return false;
+    }
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        if (a[i] != b[i]) {
+            return false;
+        }
+    }
+    return true;
 }
 
 inline bool RealtimeFit::read_landmarks()
