@@ -202,12 +202,11 @@ void pose(const PlantedFaces& faces, int num_subjects)
                 table.add(quantity + "_skew_deg", "affine", x, affine.skew_deg);
                 note("scaled orthographic, closed form",
                      estimate_pose(points, seen, {}, centre).camera.camera_from_model);
-                const auto iterated = [&](double focal_length_px) {
-                    return estimate_pose_perspective(points, seen, focal_length_px, {}, centre)
-                        .camera.camera_from_model;
-                };
-                note("scaled orthographic, minimiser", iterated(1e9)); // so long a lens is orthographic
-                note("perspective, focal length known", iterated(truth.scale_px_per_mm * distance_mm));
+                note("scaled orthographic, minimiser",
+                     estimate_pose_exactly(points, seen, {}, centre).camera.camera_from_model);
+                note("perspective, focal length known",
+                     estimate_pose_perspective(points, seen, truth.scale_px_per_mm * distance_mm, {}, centre)
+                         .camera.camera_from_model);
             }
         }
     };

@@ -182,6 +182,43 @@ TEST(EstimatePose, BrokenInputThrows)
         test::throws<InvalidArgument>([&] { (void)estimate_pose_perspective(points, seen, 0.0); }, "focal_length_px"));
 }
 
+TEST(EstimatePoseExactly, NoCameraNearbyHasASmallerError)
+{
+    Random random(22);
+    for (int trial = 0; trial < 20; ++trial) {
+        const Camera truth = test::random_camera(random, 60);
+        const Eigen::Matrix3Xd points = random_points(random, 20);
+        const Eigen::Matrix2Xd seen = add_noise(project(truth, points), 5, random);
+        const Eigen::VectorXd weights = Eigen::VectorXd::NullaryExpr(20, [&] { return random.uniform(0.1, 2.0); });
+        const auto error_of = [&](const Camera& camera) {
+            return (project(camera, points) - seen).colwise().squaredNorm().dot(weights);
+        };
+        const PoseResult closed = estimate_pose(points, seen, weights, truth.principal_point_px);
+        const PoseResult exact = estimate_pose_exactly(points, seen, weights, truth.principal_point_px);
+        ASSERT_EQ(exact.status, FitStatus::success) << exact.reason;
+        EXPECT_EQ(exact.camera.phi_per_mm, 0);
+        const double least = error_of(exact.camera);
+        EXPECT_NEAR(exact.rms_px, std::sqrt(least / weights.sum()), 1e-9);
+        EXPECT_LT(least, error_of(closed.camera)); // the closed form is near, but not there
+        for (int unknown = 0; unknown < 6; ++unknown) {
+            for (const double step : {-1e-3, 1e-3}) {
+                Camera moved = exact.camera;
+                if (unknown < 3) {
+                    moved.camera_from_model =
+                        Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(unknown)) * moved.camera_from_model;
+                } else if (unknown == 3) {
+                    moved.scale_px_per_mm *= 1 + step;
+                } else {
+                    moved.translation_mm[unknown - 4] += 100 * step;
+                }
+                EXPECT_GT(error_of(moved), least) << unknown;
+            }
+        }
+    }
+    const Eigen::Matrix3Xd plane = Eigen::Vector3d(1, 1, 0).asDiagonal() * random_points(random, 10);
+    EXPECT_EQ(estimate_pose_exactly(plane, project(Camera{}, plane)).status, FitStatus::degenerate);
+}
+
 TEST(EstimatePosePerspective, RecoversThePlantedCameraExactly)
 {
     Random random(19);
@@ -206,11 +243,12 @@ TEST(EstimatePosePerspective, FarAwayItIsTheBestScaledOrthographicPose)
     const Camera truth = test::random_camera(random);
     const Eigen::Matrix3Xd points = random_points(random, 20);
     const Eigen::Matrix2Xd seen = add_noise(project(truth, points), 3, random);
-    const PoseResult closed = estimate_pose(points, seen);
+    const PoseResult exact = estimate_pose_exactly(points, seen);
     const PoseResult far = estimate_pose_perspective(points, seen, 1e9);
     EXPECT_EQ(far.status, FitStatus::success);
-    EXPECT_LE(far.rms_px, closed.rms_px); // the closed form is not the least reprojection error
-    EXPECT_THAT(far.camera.camera_from_model, IsNear(closed.camera.camera_from_model, 0.05));
+    EXPECT_THAT(far.camera.camera_from_model, IsNear(exact.camera.camera_from_model, 1e-6));
+    const PoseResult near = estimate_pose_perspective(points, seen, 500 * truth.scale_px_per_mm);
+    EXPECT_THAT(near.camera.camera_from_model, testing::Not(IsNear(exact.camera.camera_from_model, 1e-3)));
 }
 
 TEST(EstimatePosePerspective, FaceTooNearIsImplausible)

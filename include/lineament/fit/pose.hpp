@@ -63,6 +63,15 @@ struct PoseResult
                                                   const Eigen::VectorXd& weights = {},
                                                   const Eigen::Vector2d& principal_point_px = Eigen::Vector2d::Zero());
 
+/// The scaled orthographic camera of least reprojection error, sum_i w_i |x_i - y_i|^2: the steps of
+/// estimate_pose_perspective with phi = 0. From the closed form one or two steps are usually enough.
+///
+/// Arguments, return value and errors as estimate_pose; not_converged after 50 steps, with the best camera found.
+[[nodiscard]] PoseResult estimate_pose_exactly(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                                               const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                               const Eigen::VectorXd& weights = {},
+                                               const Eigen::Vector2d& principal_point_px = Eigen::Vector2d::Zero());
+
 /// The perspective camera of known focal length that minimises sum_i w_i |x_i - y_i|^2 with x of Eq. (3) and
 /// phi = s / f: damped Gauss-Newton steps on rotation, log s and tau from the start of estimate_pose.
 ///
