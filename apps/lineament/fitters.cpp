@@ -22,6 +22,13 @@ namespace lineament::cli {
 
 namespace {
 
+RobustLoss robust_loss(const std::string& name)
+{
+    return name == "none"            ? RobustLoss::none
+           : name == "geman_mcclure" ? RobustLoss::geman_mcclure
+                                     : RobustLoss::student_t;
+}
+
 ContourMode contour_mode(const std::optional<std::string>& name)
 {
     return name == "ignored" ? ContourMode::ignored
@@ -35,12 +42,14 @@ struct LandmarkKind
 {
     std::string scheme;
     bool has_outline = false;
+    bool has_outline_beside = false; ///< Beside the landmarks of another scheme.
 
     explicit LandmarkKind(const LandmarkSet& set)
-        : scheme(set.scheme),
-          has_outline(std::any_of(set.landmarks.begin(), set.landmarks.end(), [&](const Landmark& landmark) {
-              return outline_side(set.scheme, landmark.name).has_value();
-          }))
+        : scheme(set.scheme), has_outline(std::any_of(set.landmarks.begin(), set.landmarks.end(),
+                                                      [&](const Landmark& landmark) {
+                                                          return outline_side(set.scheme, landmark.name).has_value();
+                                                      })),
+          has_outline_beside(has_outline && set.scheme != "ibug68")
     {}
 
     auto operator<=>(const LandmarkKind&) const = default;
@@ -61,7 +70,9 @@ FitOptions thesis_options(const ModelOptions& options, const LandmarkKind& kind)
     fit.regularization = options.regularization.value_or(fit.regularization);
     fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
     fit.contour = contour_mode(options.contour);
-    fit.outline_beside_scheme = kind.has_outline;
+    fit.outline_beside_scheme = kind.has_outline_beside;
+    fit.landmark_sigma_mm = options.noise_mm.value_or(fit.landmark_sigma_mm);
+    fit.contour_sigma_mm = options.outline_noise_mm.value_or(fit.contour_sigma_mm);
     return fit;
 }
 
@@ -71,7 +82,12 @@ JointOptions joint_options(const ModelOptions& options, const LandmarkKind& kind
     fit.rounds = options.iterations.value_or(fit.rounds);
     fit.expression_set = options.expression_set == "none" ? "" : options.expression_set;
     fit.contour = contour_mode(options.contour);
-    fit.outline_beside_scheme = kind.has_outline;
+    fit.outline_beside_scheme = kind.has_outline_beside;
+    fit.landmark_sigma_mm = options.noise_mm.value_or(fit.landmark_sigma_mm);
+    fit.contour_sigma_mm = options.outline_noise_mm.value_or(fit.contour_sigma_mm);
+    if (options.loss) {
+        fit.loss = robust_loss(*options.loss);
+    }
     if (options.focal_px > 0.0) {
         fit.focal_length_px = options.focal_px;
     }
@@ -148,13 +164,27 @@ struct Fitters::Implementation
         return options.focal_px > 0.0 ? std::optional(options.focal_px) : found_focal_px;
     }
 
-    /// @throws Failure(wrong_use) if the user says what becomes of an outline that is not there.
+    /// @throws Failure(wrong_use) if the user says what becomes of an outline that is not there or has no fixed points,
+    /// or how noisy landmarks are of which the model states it.
     [[nodiscard]] LandmarkKind kind_of(const LandmarkSet& set) const
     {
         LandmarkKind kind(set);
         if (options.contour && !kind.has_outline) {
             throw Failure(wrong_use, "--contour: these landmarks (" + set.scheme +
                                          ") hold no outline; with the default detector give --outline dlib as well");
+        }
+        if (options.contour == "fixed" && kind.has_outline_beside) {
+            throw Failure(wrong_use, "--contour fixed: the outline beside the landmarks of " + set.scheme +
+                                         " has no fixed points of the model; give front, both or ignored");
+        }
+        if (options.outline_noise_mm && !kind.has_outline) {
+            throw Failure(wrong_use, "--outline-noise: these landmarks (" + set.scheme +
+                                         ") hold no outline; with the default detector give --outline dlib as well");
+        }
+        const LandmarkMap* map = model->find_landmark_map(set.scheme);
+        if (options.noise_mm && map != nullptr && !map->noise_mm.empty()) {
+            throw Failure(wrong_use, "--noise: the model itself states the noise of " + set.scheme +
+                                         ", of each landmark; the option is for landmarks without");
         }
         return kind;
     }
@@ -202,6 +232,12 @@ Fitters::Fitters(const MorphableModel& model, const ModelOptions& options)
         throw Failure(wrong_use,
                       "--prior and --regularization are settings of --method thesis; the joint method weighs "
                       "the prior as the maximum a posteriori estimate does");
+    }
+    if (options.loss && options.method != "joint") {
+        throw Failure(wrong_use, "--loss needs --method joint: the thesis's method fits by least squares");
+    }
+    if ((options.noise_mm || options.outline_noise_mm) && options.prior == "published") {
+        throw Failure(wrong_use, "--noise and --outline-noise are in mm; the published prior has its noise in px");
     }
     if (options.fits_focal && options.method != "joint") {
         throw Failure(wrong_use, "--focal unknown needs --method joint: the thesis's method does not fit it");

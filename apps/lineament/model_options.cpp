@@ -57,11 +57,34 @@ void add_model_options(CLI::App& command, ModelOptions& options)
                     "published (weight 30 at a variance of 3 px^2, for comparisons).")
         ->check(CLI::IsMember({"model", "published"}))
         ->capture_default_str();
+    const CLI::Validator is_sigma(
+        [](const std::string& text) {
+            double value = 0;
+            return CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0
+                       ? std::string()
+                       : "expected a number of mm > 0, got " + text;
+        },
+        "MM");
+    command
+        .add_option("--noise", options.noise_mm,
+                    "Standard deviation of landmarks but the outline, per coordinate [mm on the face]; default: 2 "
+                    "(joint) or 2.5 (thesis). The model states that of mediapipe's points itself.")
+        ->check(is_sigma);
+    command
+        .add_option("--outline-noise", options.outline_noise_mm, "The same of the 16 outline landmarks; default: 4.")
+        ->check(is_sigma);
+    command
+        .add_option("--loss", options.loss,
+                    "How residuals count, for --method joint: student_t (wild landmarks pull little), geman_mcclure "
+                    "(not at all) or none (least squares); default: student_t.")
+        ->check(CLI::IsMember({"student_t", "geman_mcclure", "none"}));
     command
         .add_option_function<std::string>(
             "--focal", [&options](const std::string& text) { set_focal(text, options); },
             "Focal length [px] of a perspective camera; unknown: fit it too (--method joint; for near faces, such as "
-            "selfies, best in several pictures or a video); 0: scaled orthographic.")
+            "selfies, best in several pictures or a video, which are taken to come from one camera that does not "
+            "zoom); "
+            "0: scaled orthographic.")
         ->type_name("PX|unknown")
         ->default_str("0");
 }

@@ -24,10 +24,13 @@ struct ModelOptions
     std::string expression_set = "ekman6";
     std::optional<std::string> contour; ///< Empty: both.
     std::string prior = "model";
-    std::optional<int> iterations;        ///< Empty: the default of the method.
-    std::optional<double> regularization; ///< Empty: the default of the prior.
-    double focal_px = 0.0;                ///< 0: not known.
-    bool fits_focal = false;              ///< Unknown and fitted; otherwise scaled orthographic if not known.
+    std::optional<int> iterations;          ///< Empty: the default of the method.
+    std::optional<double> regularization;   ///< Empty: the default of the prior.
+    std::optional<double> noise_mm;         ///< Of inner landmarks; empty: the default of the method.
+    std::optional<double> outline_noise_mm; ///< Of outline landmarks, likewise.
+    std::optional<std::string> loss;        ///< Empty: the default of the joint method.
+    double focal_px = 0.0;                  ///< 0: not known.
+    bool fits_focal = false;                ///< Unknown and fitted; otherwise scaled orthographic if not known.
 };
 
 void add_model_options(CLI::App& command, ModelOptions& options);

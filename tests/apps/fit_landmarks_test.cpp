@@ -98,6 +98,10 @@ TEST(FitLandmarks, ContourNeedsAnOutline)
     EXPECT_NE(refused.error.find("hold no outline"), std::string::npos) << refused.error;
     EXPECT_EQ(run(folder, "fit person.png --no-report -o b").exit_code, 0);
     EXPECT_EQ(run(folder, "fit face.png --landmarks face.json --no-report --contour front -o c").exit_code, 0);
+    EXPECT_EQ(run(folder, "fit person.png --no-report --outline-noise 3 -o d").exit_code, 2);
+    const Outcome stated = run(folder, "fit person.png --no-report --noise 1 -o e");
+    EXPECT_EQ(stated.exit_code, 2);
+    EXPECT_NE(stated.error.find("states the noise of mediapipe478"), std::string::npos) << stated.error;
 }
 
 TEST(FitLandmarks, OutlineOfDlibJoinsTheMesh)
@@ -125,6 +129,9 @@ TEST(FitLandmarks, OutlineOfDlibJoinsTheMesh)
     const auto coefficients = [&](const char* output) { return faces_of(folder, output)[0]["shape_coefficients"]; };
     EXPECT_NE(coefficients("with/person"), coefficients("without/person"));
     EXPECT_EQ(coefficients("ignored/person"), coefficients("without/person"));
+    const Outcome fixed = run(folder, "fit person.png --no-report --outline dlib --contour fixed -o fixed");
+    EXPECT_EQ(fixed.exit_code, 2);
+    EXPECT_NE(fixed.error.find("has no fixed points"), std::string::npos) << fixed.error;
     EXPECT_EQ(run(folder, "fit person.png --no-report --detector dlib --outline dlib -o both").exit_code, 2);
     save_synthetic_picture(folder, "face");
     EXPECT_EQ(run(folder, "fit face.png --landmarks face.json --outline dlib -o file").exit_code, 2) << "68 points";

@@ -3,6 +3,10 @@
 #include "apps/run_program.hpp"
 #include "support/rendered_person.hpp"
 
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/joint_fitter.hpp"
+#include "lineament/io/landmark_file.hpp"
+
 #include "support/gltf_validator.hpp"
 
 #include <nlohmann/json.hpp>
@@ -232,6 +236,40 @@ TEST(FitOptions, ContourSaysWhatBecomesOfTheOutline)
     EXPECT_EQ(num_outline_points_used["fixed"], 16);
     EXPECT_GE(num_outline_points_used["front"], 8);
     EXPECT_GT(num_outline_points_used["both"], num_outline_points_used["front"]);
+}
+
+TEST(FitOptions, NoiseAndLossAreThoseOfTheLibrary)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    LandmarkSet set = load_landmarks(folder / "face.json").frames.front().set;
+    set.landmarks[40].point_px.x() += 15; // so that losses differ
+    save_landmarks(folder / "face.json", set, 640, 480);
+    const Eigen::Vector2d center(320, 240);
+    const MorphableModel model = load_model(default_model_path());
+    JointOptions joint;
+    joint.landmark_sigma_mm = 0.7;
+    joint.contour_sigma_mm = 9;
+    joint.loss = RobustLoss::none;
+    FitOptions thesis;
+    thesis.landmark_sigma_mm = 0.7;
+    thesis.contour_sigma_mm = 9;
+    const Eigen::VectorXd expected_joint = JointFitter(model, "ibug68", joint).fit(set, center).fit.shape_coefficients;
+    const Eigen::VectorXd expected_thesis = FaceFitter(model, "ibug68", thesis).fit(set, center).shape_coefficients;
+    const auto shape = [&](const std::string& arguments) {
+        return shape_of_face(fitted_face(folder, "--landmarks face.json " + arguments));
+    };
+    const std::string noise = "--noise 0.7 --outline-noise 9 ";
+    EXPECT_LT(test::max_difference(shape(noise + "--loss none"), expected_joint), 1e-3);
+    EXPECT_LT(test::max_difference(shape(noise + "--method thesis"), expected_thesis), 1e-3);
+    for (const char* less : {"--noise 0.7 --loss none", "--outline-noise 9 --loss none",
+                             "--noise 0.7 --outline-noise 9", "--noise 0.7 --outline-noise 9 --loss geman_mcclure"}) {
+        EXPECT_GT(test::max_difference(shape(less), expected_joint), 5e-3) << less;
+    }
+    for (const char* wrong : {"--noise 0", "--outline-noise -1", "--noise x", "--loss cauchy",
+                              "--method thesis --loss none", "--method thesis --prior published --noise 1"}) {
+        EXPECT_EQ(fit(folder, std::string("--landmarks face.json ") + wrong).exit_code, 2) << wrong;
+    }
 }
 
 TEST(FitOptions, PtsFilesCountFromOneOrFromZero)

@@ -8,6 +8,7 @@
 
 #include "lineament/fit/contour.hpp"
 
+#include "support/matchers.hpp"
 #include "support/planted_face.hpp"
 
 #include <gtest/gtest.h>
@@ -129,6 +130,22 @@ TEST(OutlineBesideScheme, RealtimeFitterLeavesItToFaceFitter)
         fitter.fit(renamed, planted.camera.principal_point_px, workspace, result);
         expect_same_face(result, reference.fit(renamed, planted.camera.principal_point_px));
     }
+}
+
+TEST(OutlineBesideScheme, HasNoFixedPoints)
+{
+    FitOptions options;
+    options.outline_beside_scheme = true;
+    options.contour = ContourMode::fixed;
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { FaceFitter(model_with_inner_scheme(), "inner", options); },
+                                              "options.contour"));
+    JointOptions joint;
+    joint.outline_beside_scheme = true;
+    joint.contour = ContourMode::fixed;
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { JointFitter(model_with_inner_scheme(), "inner", joint); },
+                                              "options.contour"));
+    joint.contour = ContourMode::ignored;
+    EXPECT_NO_THROW(JointFitter(model_with_inner_scheme(), "inner", joint));
 }
 
 TEST(OutlineBesideScheme, IsNotUsedUnlessAsked)

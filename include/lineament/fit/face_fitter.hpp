@@ -75,8 +75,8 @@ struct FitOptions
 class FaceFitter
 {
 public:
-    /// @throws InvalidArgument on bad options, a scheme, expression set or noise the model lacks, or more coefficients
-    ///         than it has.
+    /// @throws InvalidArgument on bad options, a scheme, expression set or noise the model lacks, more coefficients
+    ///         than it has, or fixed outline points beside the scheme.
     explicit FaceFitter(MorphableModel model, std::string scheme = "ibug68", FitOptions options = {});
 
     /// The face that explains the landmarks.

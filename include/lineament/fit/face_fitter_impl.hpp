@@ -64,6 +64,8 @@ LINEAMENT_FIT_INLINE FaceFitter::FaceFitter(MorphableModel model, std::string sc
     if (landmark_noise_mm() != nullptr) {
         require_size(landmark_noise_mm()->size(), map->num_landmarks(), "FaceFitter", "noise_mm");
     }
+    require(!options_.outline_beside_scheme || options_.contour != ContourMode::fixed, "FaceFitter", "options.contour",
+            "another than fixed where the outline lies beside the scheme: the map has no points for it", "fixed");
     landmark_points_ = lineament::landmark_points(model_, *map, expressions(), count);
     if ((scheme_ == "ibug68" || options_.outline_beside_scheme) &&
         (options_.contour == ContourMode::front_facing || options_.contour == ContourMode::both)) {
