@@ -281,8 +281,11 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
         const FitResult& fit = fits[i].result;
         const Eigen::VectorXd& deviations = fits[i].shape_standard_deviations;
         file.method = fit.method;
-        file.faces.push_back(
-            {id, fit, {deviations.data(), deviations.data() + deviations.size()}, fits[i].unobservable_expressions});
+        file.faces.push_back({id,
+                              fit,
+                              {deviations.data(), deviations.data() + deviations.size()},
+                              fits[i].unobservable_expressions,
+                              fits[i].predicted_rms_mm});
         Json& face_json = json["faces"].emplace_back();
         face_json["id"] = id;
         face_json["status"] = to_string(fit.status);
@@ -309,9 +312,12 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
         report.overlay = draw_overlay(report.overlay, session.model, fit);
         report.faces.push_back({"face_" + std::to_string(id), fit,
                                 make_face_view(session.model, fit, face.whole_texture), face.frontal, deviations,
-                                fits[i].unobservable_expressions, uncertainty});
+                                fits[i].unobservable_expressions, fits[i].predicted_rms_mm, uncertainty});
         face_json["folder"] = folder.string();
         face_json["rms_px"] = fit.rms_px;
+        if (fits[i].predicted_rms_mm) {
+            face_json["predicted_rms_mm"] = *fits[i].predicted_rms_mm;
+        }
     }
     written.write(job.output / "overlay.png", format_png(report.overlay));
     written.write(job.output / "fit.json", format_fit_json(file));

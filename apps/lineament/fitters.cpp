@@ -98,13 +98,14 @@ JointOptions joint_options(const ModelOptions& options, const LandmarkKind& kind
 }
 
 /// The result with what the method says of its uncertainty.
-Fitted with_evidence(const JointFitResult& joint)
+Fitted with_evidence(const MorphableModel& model, const JointFitResult& joint)
 {
-    Fitted fitted{joint.fit, {}, {}, joint.unobservable_expressions};
+    Fitted fitted{joint.fit, {}, {}, joint.unobservable_expressions, {}};
     const Eigen::Index num_shape = joint.fit.shape_coefficients.size();
     if (joint.covariance.rows() >= num_shape) {
         fitted.shape_covariance = joint.covariance.topLeftCorner(num_shape, num_shape);
         fitted.shape_standard_deviations = fitted.shape_covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+        fitted.predicted_rms_mm = predicted_rms_mm(model, fitted.shape_covariance);
     }
     return fitted;
 }
@@ -266,7 +267,8 @@ LandmarkSet Fitters::in_scheme_of_model(LandmarkSet landmarks) const
 Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
 {
     if (implementation_->is_joint()) {
-        return with_evidence(implementation_->joint(landmarks).fit(landmarks, principal_point_px));
+        return with_evidence(*implementation_->model,
+                             implementation_->joint(landmarks).fit(landmarks, principal_point_px));
     }
     return {implementation_->thesis(landmarks).fit(landmarks, principal_point_px), {}, {}, {}};
 }
@@ -282,7 +284,7 @@ std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
     if (implementation_->is_joint()) {
         const JointFitter& fitter = implementation_->joint(representative(pictures));
         for (const JointFitResult& frame : fitter.fit_frames(pictures, origin).frames) {
-            fitted.push_back(with_evidence(frame));
+            fitted.push_back(with_evidence(*implementation_->model, frame));
         }
     } else {
         for (const FitResult& frame :

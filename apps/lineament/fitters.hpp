@@ -23,6 +23,7 @@ struct Fitted
     Eigen::VectorXd shape_standard_deviations = {};         ///< m, posterior; empty: the method does not know.
     Eigen::MatrixXd shape_covariance = {};                  ///< m x m, likewise.
     std::vector<std::string> unobservable_expressions = {}; ///< Those the landmarks hardly tell anything of.
+    std::optional<double> predicted_rms_mm = {};            ///< Of the neutral face's vertices; empty: not known.
 };
 
 /// The solvers of one model as the user chose them, one for each landmark scheme that turns up, made when it does.

@@ -98,6 +98,9 @@ Json json_face(const FitFileFace& face)
     json["camera"] = json_camera(fit.camera);
     json["shape_coefficients"] = json_numbers(fit.shape_coefficients);
     json["shape_standard_deviations"] = json_numbers(face.shape_standard_deviations);
+    if (face.predicted_rms_mm) {
+        json["predicted_rms_mm"] = *face.predicted_rms_mm;
+    }
     json["expression"] = {
         {"set", fit.expression_set}, {"values", std::move(values)}, {"unobservable", Json(face.unobservable)}};
     json["landmarks"] = json_landmarks(fit.landmarks);
@@ -204,6 +207,9 @@ FitFileFace read_face(const JsonReader& json, const std::string& method)
     const std::vector<double> shape = read_numbers(json.member("shape_coefficients"));
     fit.shape_coefficients = Eigen::Map<const Eigen::VectorXd>(shape.data(), static_cast<Eigen::Index>(shape.size()));
     face.shape_standard_deviations = read_numbers(json.member("shape_standard_deviations"));
+    if (json.has("predicted_rms_mm")) {
+        face.predicted_rms_mm = read_number(json.member("predicted_rms_mm"));
+    }
     read_expression(json.member("expression"), face);
     const JsonReader landmarks = json.member("landmarks");
     for (std::size_t i = 0; i < landmarks.size(); ++i) {

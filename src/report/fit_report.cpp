@@ -112,9 +112,13 @@ std::string shape_section(const FitReportFace& face)
         plot.values.push_back(alpha[i]);
     }
     plot.standard_deviations.assign(face.shape_standard_deviations.begin(), face.shape_standard_deviations.end());
-    const std::string spread = face.shape_standard_deviations.size() > 0
-                                   ? " Dark lines: plus and minus one posterior standard deviation."
-                                   : "";
+    std::string spread = face.shape_standard_deviations.size() > 0
+                             ? " Dark lines: plus and minus one posterior standard deviation."
+                             : "";
+    if (face.predicted_rms_mm) {
+        spread += " Expected error of the neutral face: " + number(*face.predicted_rms_mm, 1) +
+                  " mm (root mean square over its vertices, the head's size included).";
+    }
     return html::card("Identity",
                       "<div class=\"scroll plots\">" + format_bar_plot(plot) +
                           "</div><p class=\"note\">One unit is one standard deviation of the model's population; 0 is "

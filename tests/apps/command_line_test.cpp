@@ -218,6 +218,11 @@ TEST(CommandLine, JointMethodStatesItsUncertainty)
         EXPECT_LE(deviation.get<double>(), 1.001) << "no more than the prior's";
     }
     EXPECT_LT(face["shape_standard_deviations"][0].get<double>(), 0.9);
+    const MorphableModel model = load_model(default_model_path());
+    const double prior_mm =
+        std::sqrt(model.shape.standard_deviations.squaredNorm() / static_cast<double>(model.num_vertices()));
+    EXPECT_LT(face["predicted_rms_mm"].get<double>(), 0.9 * prior_mm);
+    EXPECT_GT(face["predicted_rms_mm"].get<double>(), 0.2 * prior_mm);
     EXPECT_EQ(run(folder, "fit face.png --landmarks face.json --method joint --regularization 3").exit_code, 2);
 }
 

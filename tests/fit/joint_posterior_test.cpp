@@ -359,5 +359,28 @@ TEST(VertexStandardDeviations, AreTheRootsOfTheDiagonalOfTheVertexCovariance)
         [&] { (void)vertex_standard_deviations(synthetic_face(), JointFitResult{}); }, "result.covariance"));
 }
 
+TEST(PredictedRms, IsTheErrorOfFacesDrawnFromThePosterior)
+{
+    Random random(148);
+    const Planted planted = plant(random, 1, 2.0);
+    const JointFitResult result = JointFitter(synthetic_face(), "ibug68", given()).fit(planted.images[0], centre);
+    const Eigen::Index num_shape = planted.alpha.size();
+    const Eigen::MatrixXd covariance = result.covariance.topLeftCorner(num_shape, num_shape);
+    const double predicted = predicted_rms_mm(synthetic_face(), covariance);
+    const Eigen::MatrixXd root = covariance.llt().matrixL();
+    const Eigen::VectorXf neutral = synthetic_face().shape.instance(result.fit.shape_coefficients);
+    double sum = 0;
+    const int num_draws = 4000;
+    for (int draw = 0; draw < num_draws; ++draw) {
+        const Eigen::VectorXd alpha = result.fit.shape_coefficients + root * test::random_normal(random, num_shape);
+        sum += (synthetic_face().shape.instance(alpha) - neutral).cast<double>().squaredNorm();
+    }
+    const double drawn = std::sqrt(sum / num_draws / static_cast<double>(synthetic_face().num_vertices()));
+    EXPECT_NEAR(predicted, drawn, 0.03 * drawn);
+    EXPECT_NEAR(predicted_rms_mm(synthetic_face(), 4 * covariance), 2 * predicted, 1e-6 * predicted);
+    EXPECT_TRUE(test::throws<InvalidArgument>(
+        [&] { (void)predicted_rms_mm(synthetic_face(), Eigen::MatrixXd::Zero(2, 3)); }, "shape_covariance", "2 x 3"));
+}
+
 } // namespace
 } // namespace lineament

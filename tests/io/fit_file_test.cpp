@@ -44,6 +44,7 @@ FitFile make_file()
         face.fit.timing = {1.0, 2.0, 3.0, 4.0, 10.5};
         face.shape_standard_deviations = {0.5, 0.25, 0.125, 1.0, 0.1};
         face.unobservable = {"anger"};
+        face.predicted_rms_mm = id == 1 ? std::optional(0.1 + 0.2) : std::nullopt;
         file.faces.push_back(face);
     }
     return file;
@@ -87,6 +88,7 @@ TEST(FitFile, ComesBackBitForBit)
         EXPECT_EQ(b.timing.total_us, 10.5);
         EXPECT_EQ(back.faces[i].shape_standard_deviations, file.faces[i].shape_standard_deviations);
         EXPECT_EQ(back.faces[i].unobservable, file.faces[i].unobservable);
+        EXPECT_EQ(back.faces[i].predicted_rms_mm, file.faces[i].predicted_rms_mm);
     }
     EXPECT_EQ(format_fit_json(back), format_fit_json(file));
 }

@@ -140,8 +140,11 @@ TEST(FitReport, ShowsTheUncertaintyWhereThereIsOne)
     FitReport report = make_fit_report(1, "a.jpg");
     const std::string without = format_fit_report(report);
     EXPECT_EQ(without.find("Certainty"), std::string::npos);
+    EXPECT_EQ(without.find("Expected error of the neutral face"), std::string::npos);
     report.faces[0].uncertainty = ImageU8(8, 8, 3, 90);
+    report.faces[0].predicted_rms_mm = 2.34;
     const std::string with = format_fit_report(report);
+    EXPECT_NE(with.find("Expected error of the neutral face: 2.3 mm"), std::string::npos);
     EXPECT_NE(with.find("Certainty"), std::string::npos);
     EXPECT_GT(with.size(), without.size());
     EXPECT_EQ(test::unbalanced_elements(with), "");

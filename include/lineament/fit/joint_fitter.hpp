@@ -166,6 +166,13 @@ private:
 /// @throws InvalidArgument if the result has no covariance or the model another number of coefficients.
 [[nodiscard]] Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model, const JointFitResult& result);
 
+/// The predicted error of the neutral face [mm]: root mean square, over the vertices, of the distance between the
+/// fitted and the true one in model space, the head's size included, under a covariance of its m or fewer leading
+/// coefficients.                                                                             docs/joint-fit.md, Eq.
+/// (16)
+/// @throws InvalidArgument as vertex_standard_deviations.
+[[nodiscard]] double predicted_rms_mm(const MorphableModel& model, const Eigen::MatrixXd& shape_covariance);
+
 } // namespace lineament
 
 #ifndef LINEAMENT_COMPILED_FIT

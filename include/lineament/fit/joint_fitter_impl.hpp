@@ -130,18 +130,37 @@ namespace detail {
 
 } // namespace detail
 
-LINEAMENT_FIT_INLINE Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model,
-                                                                 const Eigen::MatrixXd& shape_covariance)
+namespace detail {
+
+/// The columns that the covariance is of [mm].
+[[nodiscard]] inline Eigen::MatrixXf columns_of(const MorphableModel& model, const Eigen::MatrixXd& shape_covariance,
+                                                const char* function)
 {
-    const char* const function = "vertex_standard_deviations";
     const Eigen::Index count = shape_covariance.rows();
     require(shape_covariance.cols() == count && count <= model.shape.num_coefficients(), function, "shape_covariance",
             "a square matrix of at most " + std::to_string(model.shape.num_coefficients()) + " rows",
             std::to_string(count) + " x " + std::to_string(shape_covariance.cols()));
     require_finite(shape_covariance, function, "shape_covariance");
-    const Eigen::MatrixXf basis =
-        model.shape.basis.leftCols(count) * model.shape.standard_deviations.head(count).asDiagonal();
+    return model.shape.basis.leftCols(count) * model.shape.standard_deviations.head(count).asDiagonal();
+}
+
+} // namespace detail
+
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model,
+                                                                 const Eigen::MatrixXd& shape_covariance)
+{
+    const Eigen::MatrixXf basis = detail::columns_of(model, shape_covariance, "vertex_standard_deviations");
     return detail::spread_over_vertices(basis, shape_covariance);
+}
+
+LINEAMENT_FIT_INLINE double predicted_rms_mm(const MorphableModel& model, const Eigen::MatrixXd& shape_covariance)
+{
+    const Eigen::MatrixXf basis = detail::columns_of(model, shape_covariance, "predicted_rms_mm");
+    Eigen::MatrixXf gram = Eigen::MatrixXf::Zero(basis.cols(), basis.cols());
+    gram.selfadjointView<Eigen::Lower>().rankUpdate(basis.transpose());
+    const Eigen::MatrixXd products = Eigen::MatrixXf(gram.selfadjointView<Eigen::Lower>()).cast<double>();
+    const double trace = products.cwiseProduct(shape_covariance).sum(); // of B C B^T
+    return std::sqrt(std::max(trace, 0.0) / static_cast<double>(model.num_vertices()));
 }
 
 LINEAMENT_FIT_INLINE Eigen::Matrix3Xf vertex_standard_deviations(const MorphableModel& model,

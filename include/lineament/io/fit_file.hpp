@@ -4,6 +4,7 @@
 
 #include "lineament/fit/fit_result.hpp"
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,6 +17,7 @@ struct FitFileFace
     FitResult fit = {};
     std::vector<double> shape_standard_deviations = {}; ///< m, posterior, of the shape coefficients; empty: not known.
     std::vector<std::string> unobservable = {};         ///< Expressions that the landmarks do not determine.
+    std::optional<double> predicted_rms_mm = {};        ///< Of the neutral face's vertices; empty: not known.
 };
 
 /// The content of `fit.json`: all faces fitted in one picture.                          docs/formats.md, "fit.json"

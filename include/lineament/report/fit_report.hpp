@@ -21,6 +21,7 @@ struct FitReportFace
     ImageU8 frontal = {};                           ///< Frontal render with neutral expression.
     Eigen::VectorXd shape_standard_deviations = {}; ///< Posterior, of alpha; empty, or one a coefficient.
     std::vector<std::string> unobservable_expressions = {}; ///< Names whose value the landmarks cannot tell.
+    std::optional<double> predicted_rms_mm = {}; ///< Expected error of the neutral face's vertices; empty: not known.
     ImageU8 uncertainty = {}; ///< The face coloured by each vertex's standard deviation, with the scale.
 };
 
