@@ -45,6 +45,30 @@ TEST(IdentityFilter, SumOverImagesLinearisedAtTheJointFitIsTheJointFit)
     EXPECT_THAT(online.mean(), Not(IsNear(batch.shape_coefficients, 1e-5)));
 }
 
+TEST(IdentityFilter, DepthLeavesWhatAnImageSaysOfTheIdentity)
+{
+    Random random(153);
+    const JointFitter fitter(synthetic_face(), "ibug68", given());
+    for (int trial = 0; trial < 5; ++trial) {
+        const Planted planted = plant(random, 1, 2.0);
+        LandmarkSet deep = planted.images[0];
+        test::add_depth(synthetic_face(), planted.cameras[0], 250, deep);
+        const JointFitResult result = fitter.fit(deep, centre);
+        ASSERT_EQ(result.fit.status, FitStatus::success) << result.fit.reason;
+        const Eigen::Index num_shape = fitter.num_shape_coefficients();
+        IdentityFilter filter(num_shape);
+        filter.add(fitter.identity_information(deep, result));
+        EXPECT_THAT(filter.mean(), IsNear(result.fit.shape_coefficients, 1e-4));
+        EXPECT_THAT(filter.covariance(), IsNear(result.covariance.topLeftCorner(num_shape, num_shape), 1e-6));
+
+        JointFitResult turned = result; // at the turned head it would be something else
+        turned.minimum_camera = result.fit.camera;
+        IdentityFilter other(num_shape);
+        other.add(fitter.identity_information(deep, turned));
+        EXPECT_THAT(other.mean(), Not(IsNear(result.fit.shape_coefficients, 1e-3)));
+    }
+}
+
 TEST(IdentityFilter, LandmarkBiasBoundsWhatManyImagesSay)
 {
     Random random(152);

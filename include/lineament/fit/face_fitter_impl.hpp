@@ -63,6 +63,11 @@ LINEAMENT_FIT_INLINE FaceFitter::FaceFitter(MorphableModel model, std::string sc
             "\"" + options_.noise_detector + "\"");
     if (landmark_noise_mm() != nullptr) {
         require_size(landmark_noise_mm()->size(), map->num_landmarks(), "FaceFitter", "noise_mm");
+        for (Eigen::Index l = 0; l < landmark_noise_mm()->size(); ++l) {
+            const double noise_mm = (*landmark_noise_mm())[l];
+            require(noise_mm > 0, "FaceFitter", ("noise_mm[" + std::to_string(l) + "]").c_str(),
+                    "a number > 0, infinite for a landmark that is not to be used", to_text(noise_mm));
+        }
     }
     require(!options_.outline_beside_scheme || options_.contour != ContourMode::fixed, "FaceFitter", "options.contour",
             "another than fixed where the outline lies beside the scheme: the map has no points for it", "fixed");

@@ -19,7 +19,8 @@ enum class FitStatus
     not_converged,           ///< An iteration limit was reached; the estimate is the best found.
     too_few_correspondences, ///< Fewer points than the unknowns need; the estimate is neutral.
     degenerate,              ///< Coincident, collinear or planar points; the estimate is neutral.
-    implausible,             ///< A coefficient at its bound, or a face that looks away from the camera.
+    implausible, ///< A coefficient at its bound, a face that looks away from the camera, or (JointFitter) landmarks
+                 ///< that lie nearly on a line, far from the fitted face, or ever smaller.
 };
 
 /// The status as it stands in files and messages: "success", "not_converged", ...

@@ -21,6 +21,12 @@
 
 namespace lineament::detail {
 
+/// Standard deviations from the fitted face within which half of the landmarks lie, or the fit is implausible. Half of
+/// those of a true face lie within 1.2 where the noise is as stated.
+inline constexpr double max_median_deviations = 4.0;
+/// The shorter over the longer axis of landmarks, the mean face's being 1, below which they lie on a line.
+inline constexpr double min_stretch_ratio = 0.25;
+
 /// The joint fit of images, from first poses to results.
 class JointFit
 {
@@ -54,6 +60,7 @@ private:
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
     [[nodiscard]] FitResult fit_result(std::size_t used_index) const;
     void judge(JointFramesResult& result) const;
+    [[nodiscard]] std::string doubt_about(std::size_t used_index) const;
 
     const FaceFitter& base_;
     const JointOptions& options_;
@@ -108,10 +115,15 @@ inline void JointFit::estimate_pose(Image& image, const Eigen::VectorXd& psi)
     const JointImage fixed = image.matcher.fixed_image();
     const Eigen::Matrix3Xd shape = fixed.points.at(state_.alpha, psi);
     const Eigen::Vector2d principal_point_px = image.camera.principal_point_px;
-    const PoseResult pose =
-        options_.focal_length_px
-            ? estimate_pose_perspective(shape, fixed.image_points, *options_.focal_length_px, {}, principal_point_px)
-            : lineament::estimate_pose(shape, fixed.image_points, {}, principal_point_px);
+    Eigen::VectorXd confidences(shape.cols());
+    for (std::size_t i = 0; i < fixed.used.size(); ++i) {
+        const std::size_t landmark = static_cast<std::size_t>(fixed.used[i].landmark_index);
+        confidences[static_cast<Eigen::Index>(i)] = image.landmarks->landmarks[landmark].confidence;
+    }
+    const PoseResult pose = options_.focal_length_px
+                                ? estimate_pose_perspective(shape, fixed.image_points, *options_.focal_length_px,
+                                                            confidences, principal_point_px)
+                                : lineament::estimate_pose(shape, fixed.image_points, confidences, principal_point_px);
     image.camera = pose.camera;
     if (pose.status != FitStatus::success && pose.status != FitStatus::not_converged) {
         image.status = pose.status;
@@ -317,6 +329,49 @@ inline FitResult JointFit::fit_result(std::size_t f) const
     return result;
 }
 
+/// Of a fit that settled within its bounds, yet is none to believe in: why; otherwise empty.
+inline std::string JointFit::doubt_about(std::size_t f) const
+{
+    const JointImage& seen = problem_.images[f];
+    const Camera& camera = state_.cameras[f];
+    if (looks_away(shown_.cameras[f].camera_from_model)) {
+        return looks_away_reason;
+    }
+    if (std::abs(std::log(camera.scale_px_per_mm / seen.matched_scale)) > max_log_scale - 1e-6) {
+        return "the size of the face ran away: are these the landmarks of a face?";
+    }
+    const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
+    const Eigen::Index num_points = with_bias.cols();
+    std::vector<double> residuals(static_cast<std::size_t>(num_points)); // squared, per dimension
+    Eigen::VectorXd weights(num_points);
+    for (Eigen::Index i = 0; i < num_points; ++i) {
+        const JointPoint& used = seen.used[static_cast<std::size_t>(i)];
+        const double squared = problem_.squared_residual(f, i, state_, with_bias);
+        residuals[static_cast<std::size_t>(i)] = squared / used.num_dimensions;
+        weights[i] = robust_weight(options_.loss, squared, used.num_dimensions) * used.root.squaredNorm();
+    }
+    const auto middle = residuals.begin() + num_points / 2;
+    std::nth_element(residuals.begin(), middle, residuals.end());
+    if (*middle > max_median_deviations * max_median_deviations) {
+        return "half of the landmarks lie more than " + to_text(max_median_deviations) +
+               " standard deviations from the fitted face: are they those of a face, or noisier than stated?";
+    }
+    // How the mean face, turned like the fit, must be stretched to where the landmarks are seen.
+    Eigen::Matrix2Xd from = camera.camera_from_model.topRows<2>() * seen.points.mean;
+    Eigen::Matrix2Xd to = seen.image_points;
+    from.colwise() -= Eigen::Vector2d(from * weights / weights.sum());
+    to.colwise() -= Eigen::Vector2d(to * weights / weights.sum());
+    const Eigen::Matrix2d stretch =
+        to * weights.asDiagonal() * from.transpose() * (from * weights.asDiagonal() * from.transpose()).inverse();
+    const double product = std::abs(stretch.determinant()); // of both axes
+    const double sum = std::sqrt(stretch.squaredNorm() + 2 * product);
+    const double difference = std::sqrt(std::max(stretch.squaredNorm() - 2 * product, 0.0));
+    if (sum - difference < min_stretch_ratio * (sum + difference)) {
+        return "the landmarks lie nearly on a line";
+    }
+    return {};
+}
+
 inline void JointFit::judge(JointFramesResult& result) const
 {
     const auto num_at_bound = (state_.alpha.array().abs() >= options_.max_coefficient).count();
@@ -330,14 +385,18 @@ inline void JointFit::judge(JointFramesResult& result) const
         result.reason = std::to_string(num_at_bound) + " shape coefficients were held at " +
                         to_text(options_.max_coefficient) + " standard deviations";
     }
-    for (const std::size_t f : used_) {
-        FitResult& fit = result.frames[f].fit;
-        fit.status = result.status;
-        fit.reason = result.reason;
-        if (looks_away(fit.camera.camera_from_model)) {
-            fit.status = FitStatus::implausible;
-            fit.reason = looks_away_reason;
+    const FitStatus status = result.status; // of what the images share
+    const std::string reason = result.reason;
+    for (std::size_t f = 0; f < used_.size(); ++f) {
+        FitResult& fit = result.frames[used_[f]].fit;
+        const std::string doubt = doubt_about(f);
+        if (!doubt.empty() && result.status == FitStatus::success) { // it has had its say in the identity
+            result.status = FitStatus::implausible;
+            result.reason = used_.size() > 1 ? "image " + std::to_string(used_[f] + 1) + ": " + doubt : doubt;
         }
+        const bool is_doubted = !doubt.empty() && (status == FitStatus::success || doubt == looks_away_reason);
+        fit.status = is_doubted ? FitStatus::implausible : status;
+        fit.reason = is_doubted ? doubt : reason;
     }
 }
 
@@ -378,6 +437,8 @@ inline JointFramesResult JointFit::result() const
                 frame.unobservable_expressions.push_back(frame.fit.expression_names[static_cast<std::size_t>(k)]);
             }
         }
+        frame.minimum_camera = state_.cameras[f];
+        frame.minimum_expression = state_.psi[f];
         frame.matched_scale_px_per_mm = matched_scales_[f];
         frame.scale_strength = problem_.images[f].scale_strength;
         frame.energies = progress_.energies;
@@ -392,10 +453,10 @@ inline IdentityInformation JointFit::identity_information(const JointFitResult& 
     problem_.images.resize(1);
     problem_.images[0].scale_strength = at.scale_strength;
     state_.alpha = at.fit.shape_coefficients;
-    state_.cameras = {at.fit.camera};
-    state_.psi[0] *= at.fit.camera.scale_px_per_mm / at.matched_scale_px_per_mm;
-    problem_.reference_scale = at.fit.camera.scale_px_per_mm;
-    state_.phi_per_mm = at.fit.camera.phi_per_mm;
+    state_.cameras = {at.minimum_camera};
+    state_.psi = {at.minimum_expression};
+    problem_.reference_scale = at.minimum_camera.scale_px_per_mm;
+    state_.phi_per_mm = at.minimum_camera.phi_per_mm;
     const NoiseSharing noise{at.matched_scale_px_per_mm, 1, num_before_, false};
     images_[0].matcher.match(state_.cameras[0], state_.alpha, state_.psi[0], noise, problem_.images[0]);
 

@@ -76,6 +76,11 @@ struct JointFitResult
     /// Names of the expressions the landmarks tell next to nothing of: their deviation is above 0.9 of the prior's.
     std::vector<std::string> unobservable_expressions = {};
 
+    /// Where the energy is least, for JointFitter::identity_information: camera and expression of `fit` as they were
+    /// before depth turned the head, the expression at the scale s_0. Neutral and empty without a usable pose.
+    Camera minimum_camera = {};
+    Eigen::VectorXd minimum_expression = {}; ///< k.
+
     double matched_scale_px_per_mm = 1.0; ///< s_0 of the last round: turned mm of noise into px.
     double scale_strength = 0.0;          ///< n_f of the scale term.
     std::vector<EnergyStep> energies = {};

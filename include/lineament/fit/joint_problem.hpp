@@ -24,6 +24,10 @@ struct JointPoint
     Eigen::Matrix2d root = Eigen::Matrix2d::Identity(); ///< U with W = U^T U [1/px].
 };
 
+/// By how much the scale may leave s_0 within a round, |log(s / s_0)|: the scale term alone would lower the energy of
+/// landmarks that are no face by shrinking it without end.
+inline constexpr double max_log_scale = 0.6931471805599453; // log 2
+
 /// What of one image enters the energy. Constant within a round.
 struct JointImage
 {

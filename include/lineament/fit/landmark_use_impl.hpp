@@ -24,9 +24,15 @@ struct LandmarkUse
     return outline_side(fitter.scheme(), landmark.name).has_value();
 }
 
-/// Landmarks the scheme does not know, of confidence 0 or of infinite noise are not used.
-/// @throws InvalidArgument in the name of the function on another scheme, a landmark that is not finite or a confidence
-///         outside [0, 1].
+inline void require_within_reach(double largest_px, const char* function, const std::string& place)
+{
+    require(largest_px <= max_coordinate_px, function, place.c_str(),
+            "coordinates of at most " + to_text(max_coordinate_px) + " px", to_text(largest_px));
+}
+
+/// Landmarks the scheme does not know, of confidence below least_confidence or of infinite noise are not used.
+/// @throws InvalidArgument in the name of the function on another scheme, a landmark that is not finite or beyond
+///         max_coordinate_px, or a confidence outside [0, 1].
 [[nodiscard]] inline LandmarkUse use_of_landmarks(const FaceFitter& fitter, const LandmarkSet& landmarks,
                                                   const char* function)
 {
@@ -38,23 +44,25 @@ struct LandmarkUse
         const Landmark& landmark = landmarks.landmarks[l];
         const std::string place = "landmark \"" + landmark.name + "\"";
         require_finite(landmark.point_px, function, place.c_str());
+        require_within_reach(landmark.point_px.cwiseAbs().maxCoeff(), function, place);
         require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
                 "0 to 1", to_text(landmark.confidence));
         if (landmark.depth_px) {
             require(std::isfinite(*landmark.depth_px), function, (place + ".depth_px").c_str(), "a finite number",
                     to_text(*landmark.depth_px));
+            require_within_reach(std::abs(*landmark.depth_px), function, place + ".depth_px");
         }
         const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
         const int map_index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         use.map_indices.push_back(map_index);
         if (map_index < 0) {
-            if (landmark.confidence > 0 && fitter.contour() && fitter.scheme() != "ibug68" &&
+            if (landmark.confidence >= least_confidence && fitter.contour() && fitter.scheme() != "ibug68" &&
                 is_outline_landmark(fitter, landmark)) {
                 use.outline.push_back(static_cast<int>(l));
             }
             continue;
         }
-        if (landmark.confidence == 0 || (noise_mm != nullptr && std::isinf((*noise_mm)[map_index]))) {
+        if (landmark.confidence < least_confidence || (noise_mm != nullptr && std::isinf((*noise_mm)[map_index]))) {
             continue;
         }
         if (!is_outline_landmark(fitter, landmark) || fitter.options().contour == ContourMode::fixed) {

@@ -141,14 +141,15 @@ inline bool RealtimeFit::read_landmarks()
         const Landmark& landmark = landmarks_.landmarks[l];
         const double confidence = landmark.confidence;
         const Eigen::Vector2d point = landmark.point_px - principal_point_px;
-        if (!std::isfinite(point.x()) || !std::isfinite(point.y()) || !(confidence >= 0 && confidence <= 1) ||
-            (landmark.depth_px && !std::isfinite(*landmark.depth_px))) {
+        if (!(std::abs(landmark.point_px.x()) <= max_coordinate_px) ||
+            !(std::abs(landmark.point_px.y()) <= max_coordinate_px) || !(confidence >= 0 && confidence <= 1) ||
+            (landmark.depth_px && !(std::abs(*landmark.depth_px) <= max_coordinate_px))) {
             return false;
         }
         const bool is_in_order = l < num_names && is_same_name(map.names[l], landmark.name);
         const int index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         frame_.map_indices[l] = index;
-        if (confidence == 0) {
+        if (confidence < least_confidence) {
             continue;
         }
         if (index < 0) {
