@@ -11,7 +11,9 @@
 
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/multi_frame.hpp"
+#include "lineament/fit/realtime_fitter.hpp"
 #include "lineament/io/model_file.hpp"
+#include "lineament/kernels/dispatched_kernels.hpp"
 
 #include <chrono>
 #include <cmath>
@@ -286,25 +288,39 @@ void intervals(int num_subjects)
     }
 }
 
+/// 20 to 68 of the landmarks, yaw within 60 degrees, noise of 0 to 2 px: all of it well posed.
 void statuses(int num_fits)
 {
-    Protocol protocol;
-    JointOptions options; // all defaults: the outline is re-matched
-    const JointFitter fitter(model(), "ibug68", options);
-    std::map<std::string, int> counts;
-    double total_us = 0, largest_us = 0;
+    const JointFitter joint(model(), "ibug68", JointOptions{}, &kernels::dispatched_kernels()); // outline re-matched
+    const RealtimeFitter realtime(model(), "ibug68", FitOptions{}, kernels::dispatched_kernels());
+    RealtimeWorkspace workspace = realtime.make_workspace();
+    std::map<std::string, int> joint_counts, realtime_counts;
+    Random random(99);
     for (int i = 0; i < num_fits; ++i) {
+        Protocol protocol;
+        protocol.min_yaw_deg = -60;
+        protocol.max_yaw_deg = 60;
+        protocol.noise_px = random.uniform(0, 2);
         const Subject subject = planted->draw_subject(protocol, 77777ull * static_cast<std::uint64_t>(i + 1));
-        const JointFitResult result = fitter.fit(subject.images[0], centre);
-        ++counts[to_string(result.fit.status)];
-        total_us += result.fit.timing.total_us;
-        largest_us = std::max(largest_us, result.fit.timing.total_us);
+        LandmarkSet set = subject.images[0];
+        const std::size_t num_seen = 20 + static_cast<std::size_t>(random.index(49));
+        while (set.landmarks.size() > num_seen) {
+            set.landmarks.erase(set.landmarks.begin() + random.index(static_cast<int>(set.landmarks.size())));
+        }
+        ++joint_counts[to_string(joint.fit(set, centre).fit.status)];
+        FitResult result;
+        realtime.fit(set, centre, workspace, result);
+        ++realtime_counts[to_string(result.status)];
     }
-    std::printf("\nStatuses of %d fits at noise 2.8 px, default options:", num_fits);
-    for (const auto& [status, count] : counts) {
-        std::printf(" %s %d", status.c_str(), count);
-    }
-    std::printf("; mean time %.0f us\n", total_us / num_fits);
+    const auto print = [num_fits](const char* method, const std::map<std::string, int>& counts) {
+        std::printf("\nStatuses of %d fits, default options, %s:", num_fits, method);
+        for (const auto& [status, count] : counts) {
+            std::printf(" %s %d", status.c_str(), count);
+        }
+        std::printf("\n");
+    };
+    print("joint", joint_counts);
+    print("thesis, in real time", realtime_counts);
 }
 
 } // namespace

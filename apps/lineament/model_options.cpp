@@ -32,7 +32,8 @@ void add_model_options(CLI::App& command, ModelOptions& options)
     command
         .add_option("--method", options.method,
                     "How to fit: joint (one energy for pose, identity and expression, robust, with uncertainties) or "
-                    "thesis (one after the other).")
+                    "thesis (one after the other). Of a video it is the identity's: frames by themselves are "
+                    "fitted in real time, by the steps of thesis.")
         ->check(CLI::IsMember({"joint", "thesis"}))
         ->capture_default_str();
     command

@@ -12,6 +12,7 @@
 #include "lineament/fit/pose_support_impl.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
