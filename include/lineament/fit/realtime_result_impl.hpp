@@ -39,7 +39,6 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         }
     }
 
-    evaluate(PointSet::rest, work_.rest);
     std::array<double, 8> m = image_from_model();
     m[3] += frame_.camera.principal_point_px.x();
     m[7] += frame_.camera.principal_point_px.y();
@@ -72,8 +71,7 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         }
         const MapEntry& entry = pack_.map[index];
         if (entry.fixed_index < 0) {
-            fitted.fitted_px = project(work_.rest.data() + 3 * entry.rest_index);
-            continue;
+            continue; // a match, or see below
         }
         const Eigen::Vector2d seen = project(work_.fixed.data() + 3 * entry.fixed_index);
         fitted.fitted_px = seen;
@@ -86,6 +84,17 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
                        largest_weight, result.landmarks[frame_.matches[i].landmark_index], chi_square);
     }
     result.chi_square = chi_square;
+    bool is_evaluated = false;
+    for (std::size_t l = 0; l < count; ++l) { // those that found no match
+        const int index = frame_.map_indices[l];
+        if (index >= 0 && pack_.map[index].rest_index >= 0 && result.landmarks[l].weight == 0) {
+            if (!is_evaluated) {
+                evaluate(PointSet::rest, work_.rest);
+                is_evaluated = true;
+            }
+            result.landmarks[l].fitted_px = project(work_.rest.data() + 3 * pack_.map[index].rest_index);
+        }
+    }
     sum_up(options, result);
 }
 

@@ -99,12 +99,18 @@ inline void RealtimeFit::add_right_side(const AlignedBuffer<float>& fixed_rows, 
         work.system[row + j] += static_cast<float>(regularization);
         work.system[row + m] = static_cast<float>(work.right_side[j] - regularization * work.alpha[j]);
     }
-    bool is_inside = kernels.solve_positive(work.system.data(), m, width, work.step.data()) > least_pivot;
-    for (int j = 0; j < m && is_inside; ++j) {
-        is_inside = std::abs(work.alpha[j] + work.step[j]) < IdentityOptions().max_coefficient;
+    if (!(kernels.solve_positive(work.system.data(), m, width, work.step.data()) > least_pivot)) {
+        return false;
+    }
+    const double bound = IdentityOptions().max_coefficient;
+    double* alpha = work.alpha.data();
+    const float* step = work.step.data();
+    bool is_inside = true;
+    for (int j = 0; j < m; ++j) {
+        is_inside &= std::abs(alpha[j] + step[j]) < bound;
     }
     for (int j = 0; j < m && is_inside; ++j) {
-        work.alpha[j] += work.step[j];
+        alpha[j] += step[j];
     }
     return is_inside;
 }

@@ -235,7 +235,7 @@ HWY_INLINE void add_products(const float* rows, const float* factors, int count,
                              float* target)
 {
     const Floats d;
-    constexpr int num_chains = N == 1 ? 2 : 1; // they hide the latency of each other
+    constexpr int num_chains = N == 1 || (N == 2 && lanes == 16) ? 2 : 1; // they hide the latency of each other
     Vector sums[num_chains][4][N];
     for (int q = 0; q < 4; ++q) {
         for (int v = 0; v < N; ++v) {
