@@ -139,14 +139,12 @@ ContourModel::silhouette_vertices(const Eigen::Ref<const Eigen::Matrix3Xf>& shap
     if (vertices.empty()) {
         return vertices;
     }
-    Eigen::Vector3f low = seen.col(vertices.front()); // depths are asked for in this box only
-    Eigen::Vector3f high = low;
+    float farthest = -std::numeric_limits<float>::infinity();
     for (const int vertex : vertices) {
-        low = low.cwiseMin(seen.col(vertex));
-        high = high.cwiseMax(seen.col(vertex));
+        farthest = std::max(farthest, seen(2, vertex));
     }
     const float depth_mm = static_cast<float>(occlusion_depth_mm);
-    const detail::DepthBuffer buffer(seen, occluders_, low.head<2>(), high.head<2>(), high.z() - depth_mm, 2.0f);
+    const detail::DepthBuffer buffer(seen, occluders_, num_occluder_vertices_, vertices, farthest - depth_mm, 2.0f);
     std::erase_if(vertices, [&](int vertex) {
         return buffer.depth_at(seen(0, vertex), seen(1, vertex)) < seen(2, vertex) - depth_mm;
     });
