@@ -10,6 +10,8 @@
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
+#include "lineament/kernels/highway_double_kernels.hpp"
+
 // An include guard that opens once for each instruction set.
 #if defined(LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP
@@ -613,7 +615,13 @@ inline int nearest_point(const double* u, const double* v, int count, double to_
                                     transform_points,
                                     add_pose_moments,
                                     residual_factors,
-                                    nearest_point};
+                                    nearest_point,
+                                    multiply_double_rows,
+                                    add_double_rows,
+                                    project_points,
+                                    add_double_gram,
+                                    factor_positive,
+                                    solve_factored};
     return &kernels;
 #endif
 }

@@ -12,6 +12,9 @@ inline constexpr int panel_size = 64;
 /// Row widths are multiples of this, so that rows hold whole vectors.
 inline constexpr int width_step = 16;
 
+/// That of rows in double precision.
+inline constexpr int double_step = 8;
+
 [[nodiscard]] constexpr int round_up(int count, int step)
 {
     return (count + step - 1) / step * step;
@@ -22,7 +25,7 @@ inline constexpr int width_step = 16;
 /// rounding only.
 ///
 /// Matrices are row-major; a *row* has `width` floats, a multiple of width_step, zero beyond those that mean something.
-/// Pointers to float data are aligned to 64 bytes. Nothing allocates, nothing throws.
+/// Pointers to rows and what goes with their columns are aligned to 64 bytes. Nothing allocates, nothing throws.
 struct Kernels
 {
     const char* name; ///< Of the instruction set, for reports.
@@ -77,6 +80,32 @@ struct Kernels
     /// squared[that]. u and v have a multiple of 8 doubles, infinite beyond the points, and `squared` as many. The same
     /// of every set.
     int (*nearest_point)(const double* u, const double* v, int count, double to_u, double to_v, double* squared);
+
+    // In double precision; rows have a multiple of double_step doubles.
+
+    /// out[r] = the product of row r with x.
+    void (*multiply_double_rows)(const double* rows, int num_rows, int width, const double* x, double* out);
+
+    /// sums[c] += sum_r factors[r] rows[r width + c]
+    void (*add_double_rows)(const double* rows, int num_rows, int width, const double* factors, double* sums);
+
+    /// The first `count` columns of rows 2i and 2i + 1 of out = J_i times those of the three rows of point i, J_i 2 x 3
+    /// at jacobians + 6i, in single precision. `count` is a multiple of double_step; rows of `out` have out_width
+    /// floats.
+    void (*project_points)(const double* point_rows, int width, int count, int num_points, const double* jacobians,
+                           float* out, int out_width);
+
+    /// gram += rows^T rows, upper triangle (more may be written).
+    void (*add_double_gram)(const double* rows, int num_rows, int width, double* gram);
+
+    /// Turns the upper triangle of the leading n columns of `system` (n rows), A, into U with A = U^T U, and each
+    /// further column b, up to the width, into U^-T b. What is left of the diagonal is not read, and is spoilt. Returns
+    /// the least pivot relative to A's diagonal: <= 0 or NaN where A is not positive definite to rounding, and then
+    /// `system` is spoilt.
+    double (*factor_positive)(double* system, int n, int width);
+
+    /// x = U^-1 U^-T x for U of factor_positive: solves A x = b.
+    void (*solve_factored)(const double* system, int n, int width, double* x);
 };
 
 inline constexpr int num_pose_moments = 18;

@@ -177,6 +177,92 @@ inline int nearest_point(const double* u, const double* v, int count, double to_
     return nearest;
 }
 
+inline void multiply_double_rows(const double* rows, int num_rows, int width, const double* x, double* out)
+{
+    for (int r = 0; r < num_rows; ++r, rows += width) {
+        out[r] = 0;
+        for (int c = 0; c < width; ++c) {
+            out[r] += rows[c] * x[c];
+        }
+    }
+}
+
+inline void add_double_rows(const double* rows, int num_rows, int width, const double* factors, double* sums)
+{
+    for (int r = 0; r < num_rows; ++r, rows += width) {
+        for (int c = 0; c < width; ++c) {
+            sums[c] += factors[r] * rows[c];
+        }
+    }
+}
+
+inline void project_points(const double* point_rows, int width, int count, int num_points, const double* jacobians,
+                           float* out, int out_width)
+{
+    for (int i = 0; i < num_points; ++i, point_rows += 3 * width) {
+        for (int axis = 0; axis < 2; ++axis, jacobians += 3, out += out_width) {
+            for (int c = 0; c < count; ++c) {
+                out[c] = static_cast<float>(jacobians[0] * point_rows[c] + jacobians[1] * point_rows[width + c] +
+                                            jacobians[2] * point_rows[2 * width + c]);
+            }
+        }
+    }
+}
+
+inline void add_double_gram(const double* rows, int num_rows, int width, double* gram)
+{
+    for (int r = 0; r < num_rows; ++r, rows += width) {
+        for (int i = 0; i < width; ++i) {
+            for (int c = i; c < width; ++c) {
+                gram[i * width + c] += rows[i] * rows[c];
+            }
+        }
+    }
+}
+
+inline double factor_positive(double* system, int n, int width)
+{
+    double least = 1;
+    for (int i = 0; i < n; ++i) {
+        double* row = system + i * width;
+        const double diagonal = row[i];
+        for (int k = 0; k < i; ++k) {
+            const double* above = system + k * width;
+            const double factor = above[i];
+            for (int c = i; c < width; ++c) {
+                row[c] -= factor * above[c];
+            }
+        }
+        if (!(row[i] > 0)) {
+            return 0;
+        }
+        least = std::min(least, row[i] / diagonal);
+        const double inverse = 1 / std::sqrt(row[i]);
+        for (int c = i; c < width; ++c) {
+            row[c] *= inverse;
+        }
+    }
+    return least;
+}
+
+inline void solve_factored(const double* system, int n, int width, double* x)
+{
+    for (int i = 0; i < n; ++i) {
+        const double* row = system + i * width;
+        x[i] /= row[i];
+        for (int c = i + 1; c < n; ++c) {
+            x[c] -= row[c] * x[i];
+        }
+    }
+    for (int i = n - 1; i >= 0; --i) {
+        const double* row = system + i * width;
+        for (int c = i + 1; c < n; ++c) {
+            x[i] -= row[c] * x[c];
+        }
+        x[i] /= row[i];
+    }
+}
+
 } // namespace lineament::kernels::scalar
 
 namespace lineament::kernels {
@@ -196,7 +282,13 @@ namespace lineament::kernels {
                                       scalar::transform_points,
                                       scalar::add_pose_moments,
                                       scalar::residual_factors,
-                                      scalar::nearest_point};
+                                      scalar::nearest_point,
+                                      scalar::multiply_double_rows,
+                                      scalar::add_double_rows,
+                                      scalar::project_points,
+                                      scalar::add_double_gram,
+                                      scalar::factor_positive,
+                                      scalar::solve_factored};
     return table;
 }
 
