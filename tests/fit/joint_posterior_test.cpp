@@ -207,14 +207,15 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
     for (int i = 0; i < static_cast<int>(wide.num_unknowns()); ++i) {
         (i < num_shape || i >= num_shape + num_biases ? kept : biases).push_back(i);
     }
-    const Eigen::MatrixXd& all = wide_system.hessian;
+    const Eigen::MatrixXd all = wide_system.hessian.selfadjointView<Eigen::Lower>();
     const Eigen::MatrixXd cross = all(biases, kept);
     const Eigen::LLT<Eigen::MatrixXd> block(Eigen::MatrixXd(all(biases, biases)));
     const Eigen::MatrixXd expected = Eigen::MatrixXd(all(kept, kept)) - cross.transpose() * block.solve(cross);
     const Eigen::VectorXd bias_gradient = wide_system.gradient(biases);
     const Eigen::VectorXd expected_gradient =
         Eigen::VectorXd(wide_system.gradient(kept)) - cross.transpose() * block.solve(bias_gradient);
-    EXPECT_THAT(system.hessian, IsNear(expected, 1e-9 * expected.cwiseAbs().maxCoeff()));
+    EXPECT_THAT(Eigen::MatrixXd(system.hessian.selfadjointView<Eigen::Lower>()),
+                IsNear(expected, 1e-9 * expected.cwiseAbs().maxCoeff()));
     EXPECT_THAT(system.gradient, IsNear(expected_gradient, 1e-8 * (1 + bias_gradient.cwiseAbs().maxCoeff())));
     EXPECT_GT((cross.transpose() * block.solve(cross)).norm(), 1); // the twin: they do matter
     const Eigen::VectorXd step = 0.01 * test::random_normal(random, round.problem.num_unknowns());
@@ -284,8 +285,8 @@ TEST(JointFitter, IntervalsCoverThePlantedTruth)
         const Eigen::Index num_shape = planted.alpha.size();
         const Eigen::VectorXd deviation = result.covariance.diagonal().head(num_shape).cwiseSqrt();
         const Round round(planted, fitter.options(), {result});
-        const Eigen::MatrixXd information =
-            round.problem.linearize(round.state).hessian.topLeftCorner(num_shape, num_shape);
+        const Eigen::MatrixXd hessian = round.problem.linearize(round.state).hessian.selfadjointView<Eigen::Lower>();
+        const Eigen::MatrixXd information = hessian.topLeftCorner(num_shape, num_shape);
         const Eigen::VectorXd known_pose = information.inverse().diagonal().cwiseSqrt();
         for (Eigen::Index j = 0; j < num_shape; ++j) {
             const double error = std::abs(result.fit.shape_coefficients[j] - planted.alpha[j]);

@@ -65,15 +65,15 @@ TEST_P(DoubleKernelsTest, MultipliesRowsAndTheirTranspose)
 
 TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
 {
-    const int width = 24, count = 16, out_width = 32, num_points = 5;
+    const int width = 24, out_width = 32, num_points = 5;
     const AlignedBuffer<double> rows = random_doubles(random, 3 * num_points * width);
     const AlignedBuffer<double> jacobians = random_doubles(random, 6 * num_points);
     AlignedBuffer<float> out(2 * num_points * out_width);
-    kernels.project_points(rows.data(), width, count, num_points, jacobians.data(), out.data(), out_width);
+    kernels.project_points(rows.data(), width, num_points, jacobians.data(), out.data(), out_width);
     Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(2 * num_points, out_width); // the other columns are left alone
     for (int i = 0; i < num_points; ++i) {
-        expected.block(2 * i, 0, 2, count) = matrix_of(jacobians, 2 * num_points, 3).middleRows(2 * i, 2) *
-                                             matrix_of(rows, 3 * num_points, width).block(3 * i, 0, 3, count);
+        expected.block(2 * i, 0, 2, width) = matrix_of(jacobians, 2 * num_points, 3).middleRows(2 * i, 2) *
+                                             matrix_of(rows, 3 * num_points, width).middleRows(3 * i, 3);
     }
     const Eigen::MatrixXd projected =
         Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(

@@ -43,11 +43,13 @@ set(definitions
     joint_solver_impl.hpp
     landmark_use_impl.hpp
     multi_frame_impl.hpp
+    packed_points_impl.hpp
     pair_moments_impl.hpp
     perspective_pose_impl.hpp
     pose_impl.hpp
     pose_step_impl.hpp
     pose_support_impl.hpp
+    positive_factor_impl.hpp
     realtime_contour_impl.hpp
     realtime_fit_impl.hpp
     realtime_fitter_impl.hpp

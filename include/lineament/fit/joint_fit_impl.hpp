@@ -10,12 +10,14 @@
 #include "lineament/fit/joint_solver.hpp"
 #include "lineament/fit/pair_moments_impl.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
+#include "lineament/fit/positive_factor_impl.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -140,6 +142,7 @@ inline void JointFit::match()
         const double scale = state_.cameras[f].scale_px_per_mm;
         const NoiseSharing noise{scale, static_cast<int>(used_.size()), num_before_, state_.bias.size() > 0};
         images_[used_[f]].matcher.match(state_.cameras[f], state_.alpha, state_.psi[f], noise, problem_.images[f]);
+        problem_.pack(f, images_[used_[f]].matcher.num_fixed());
         matched_scales_.push_back(scale);
     }
 }
@@ -237,33 +240,42 @@ inline void JointFit::turn_by_depth(std::size_t f)
     shown_.psi[f] = state.psi.front();
 }
 
-/// The covariance of the unknowns (K x K); rows of those held at a bound are 0.
-[[nodiscard]] inline Eigen::MatrixXd covariance_of(const JointProblem& problem, const JointState& state,
-                                                   const JointSystem& system)
+/// How sure the unknowns are.
+struct JointCertainty
 {
-    Eigen::VectorXd down, up;
-    problem.room(state, down, up);
-    const std::vector<int> free = free_unknowns(system, down, up);
-    const Eigen::Index size = system.gradient.size();
-    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
-    covariance(free, free) = inverse_of(block_of(system.hessian, free));
-    return covariance;
-}
+    Eigen::MatrixXd covariance = {}; ///< K x K; rows of those held at a bound are 0.
+    Eigen::VectorXd deviations = {}; ///< K, standard deviations, each as if it were free.
+};
 
-/// Standard deviations of the unknowns begin ... begin + count, each as if it were free: with C the covariance of the
-/// free ones, 1 / (H_kk - H_kF C H_Fk) is the variance of one that is held.
-[[nodiscard]] inline Eigen::VectorXd released_deviations(const JointSystem& system, const Eigen::MatrixXd& covariance,
-                                                         Eigen::Index begin, Eigen::Index count)
+/// With H = U^T U that of the free unknowns F, R = U^-T: C = R^T R, and 1 / (H_kk - |R H_Fk|^2) is the variance of an
+/// unknown k that is held.
+/// @param system  With the matrix of all unknowns.
+[[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
+                                                 const JointSystem& system)
 {
-    Eigen::VectorXd deviations(count);
-    for (Eigen::Index i = 0; i < count; ++i) {
-        const Eigen::Index k = begin + i;
-        const bool is_free = covariance(k, k) > 0;
-        const Eigen::VectorXd coupling = system.hessian.col(k);
-        deviations[i] =
-            std::sqrt(is_free ? covariance(k, k) : 1 / (system.hessian(k, k) - coupling.dot(covariance * coupling)));
+    const std::vector<int> free = problem.free_unknowns(state, system.gradient);
+    std::vector<int> held;
+    std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
+                        std::back_inserter(held));
+    const Eigen::Index num_free = static_cast<Eigen::Index>(free.size());
+    Eigen::MatrixXd beside = Eigen::MatrixXd::Identity(num_free, system.hessian.rows()); // 1, then H_Fk of each k
+    for (std::size_t k = 0; k < held.size(); ++k) {
+        for (Eigen::Index i = 0; i < num_free; ++i) {
+            beside(i, num_free + static_cast<Eigen::Index>(k)) =
+                system.hessian(std::max(free[i], held[k]), std::min(free[i], held[k]));
+        }
     }
-    return deviations;
+    PositiveFactor factor(problem.kernels);
+    const Eigen::MatrixXd solved = factor.half_solve(block_of(system.hessian, free), beside);
+    JointCertainty certainty;
+    certainty.covariance = Eigen::MatrixXd::Zero(system.hessian.rows(), system.hessian.rows());
+    certainty.covariance(free, free) = factor.inverse_from(solved.leftCols(num_free));
+    certainty.deviations = certainty.covariance.diagonal().cwiseSqrt();
+    for (std::size_t k = 0; k < held.size(); ++k) {
+        const double explained = solved.col(num_free + static_cast<Eigen::Index>(k)).squaredNorm();
+        certainty.deviations[held[k]] = 1 / std::sqrt(system.hessian(held[k], held[k]) - explained);
+    }
+    return certainty;
 }
 
 inline FitResult JointFit::unfitted_result(const Image& image) const
@@ -418,7 +430,8 @@ inline JointFramesResult JointFit::result() const
         result.landmark_bias_mm = state_.bias;
     }
     const JointSystem system = problem_.linearize(state_);
-    const Eigen::MatrixXd covariance = covariance_of(problem_, state_, system);
+    const JointCertainty certainty = certainty_of(problem_, state_, system);
+    const Eigen::MatrixXd& covariance = certainty.covariance;
     const Eigen::Index num_shape = problem_.num_shape();
     const Eigen::Index num_expressions = problem_.num_own() - 6;
     result.shape_covariance = covariance.topLeftCorner(num_shape, num_shape);
@@ -432,7 +445,7 @@ inline JointFramesResult JointFit::result() const
         frame.covariance << result.shape_covariance, covariance.block(0, begin, num_shape, num_expressions),
             covariance.block(begin, 0, num_expressions, num_shape),
             covariance.block(begin, begin, num_expressions, num_expressions);
-        frame.expression_deviations = released_deviations(system, covariance, begin, num_expressions);
+        frame.expression_deviations = certainty.deviations.segment(begin, num_expressions);
         for (Eigen::Index k = 0; k < num_expressions; ++k) {
             if (frame.expression_deviations[k] > 0.9 * options_.expression_sigma) {
                 frame.unobservable_expressions.push_back(frame.fit.expression_names[static_cast<std::size_t>(k)]);
@@ -462,15 +475,14 @@ inline IdentityInformation JointFit::identity_information(const JointFitResult& 
     images_[0].matcher.match(state_.cameras[0], state_.alpha, state_.psi[0], noise, problem_.images[0]);
 
     const JointSystem system = problem_.linearize(state_);
-    Eigen::VectorXd down, up;
-    problem_.room(state_, down, up);
-    std::vector<int> others = free_unknowns(system, down, up); // camera and free expressions
+    const Eigen::MatrixXd hessian = system.hessian.selfadjointView<Eigen::Lower>();
+    std::vector<int> others = problem_.free_unknowns(state_, system.gradient); // camera and free expressions
     const int num_shape = static_cast<int>(problem_.num_shape());
     std::erase_if(others, [&](int i) { return i < num_shape; });
-    const Eigen::MatrixXd cross = system.hessian.leftCols(num_shape)(others, Eigen::all);
-    const Eigen::LLT<Eigen::MatrixXd> cholesky(Eigen::MatrixXd(system.hessian(others, others)));
+    const Eigen::MatrixXd cross = hessian.leftCols(num_shape)(others, Eigen::all);
+    const Eigen::LLT<Eigen::MatrixXd> cholesky(Eigen::MatrixXd(hessian(others, others)));
     IdentityInformation information;
-    information.matrix = system.hessian.topLeftCorner(num_shape, num_shape) - cross.transpose() * cholesky.solve(cross);
+    information.matrix = hessian.topLeftCorner(num_shape, num_shape) - cross.transpose() * cholesky.solve(cross);
     information.vector = information.matrix * state_.alpha - system.gradient.head(num_shape) +
                          cross.transpose() * cholesky.solve(Eigen::VectorXd(system.gradient(others)));
     return information;

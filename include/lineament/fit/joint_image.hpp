@@ -60,6 +60,9 @@ public:
 
     [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
 
+    /// Points tied to their map point, the leading ones of an image.
+    [[nodiscard]] Eigen::Index num_fixed() const { return static_cast<Eigen::Index>(use_.fixed.size()); }
+
     /// Points and weights for a camera and shape; `noise` says how mm become px and what images have in common.
     void match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
                const NoiseSharing& noise, JointImage& image);

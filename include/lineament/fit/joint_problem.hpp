@@ -5,6 +5,7 @@
 #ifndef LINEAMENT_FIT_JOINT_PROBLEM_HPP
 #define LINEAMENT_FIT_JOINT_PROBLEM_HPP
 
+#include "lineament/fit/packed_points_impl.hpp"
 #include "lineament/fit/pose.hpp"
 #include "lineament/kernels/kernels.hpp"
 
@@ -48,20 +49,36 @@ struct JointState
     Eigen::Matrix3Xd bias = {};            ///< 3 x L, mm at scale s_0, or empty.
 };
 
+/// What a point says of the unknowns that move it, times the roots of its weight and curvature.
+struct PointTerm
+{
+    Eigen::Matrix<double, 2, 3> by_point;  ///< Derivative by the model point [1/mm].
+    Eigen::Matrix<double, 2, 6> by_camera; ///< By turn, log s, tau.
+    Eigen::Vector2d by_phi;                ///< By the shared phi; 0 where it is not an unknown.
+    Eigen::Vector2d residual;
+};
+
 /// Half the gradient of the energy and half its Gauss-Newton matrix, landmark biases eliminated. The unknowns are
 /// [alpha | phi, where unknown | for each image: turn 3, log s, tau 2, psi].
 struct JointSystem
 {
-    Eigen::MatrixXd hessian = {};  ///< K x K, symmetric.
-    Eigen::VectorXd gradient = {}; ///< K.
+    std::vector<int> unknowns = {}; ///< Those that the matrix is of, n of K, ascending.
+    Eigen::MatrixXd hessian = {};   ///< n x n, lower triangle.
+    Eigen::VectorXd gradient = {};  ///< K.
 
     // Needed for the scale term and to recover the biases:
-    std::vector<Eigen::MatrixXd> image_grams = {};     ///< J^T W J of each image's own unknowns, priors left out.
+    std::vector<Eigen::MatrixXd> image_grams = {};     ///< J^T W J of the unknowns that move an image, priors left out;
+                                                       ///< lower triangle.
     std::vector<Eigen::MatrixXd> image_couplings = {}; ///< With the biases, each image's own part, x 3L.
     Eigen::MatrixXd bias_blocks = {};                  ///< 3 x 3L, the biases' own blocks, priors left out.
     Eigen::MatrixXd bias_coupling = {};                ///< K x 3L.
     Eigen::MatrixXd bias_inverse = {};                 ///< 3 x 3L, inverse blocks.
     Eigen::Matrix3Xd bias_gradient = {};               ///< 3 x L.
+
+    // Kept for their room:
+    std::vector<std::vector<PointTerm>> terms = {}; ///< Of each image.
+    AlignedBuffer<float> rows = {}, gram = {};
+    AlignedBuffer<double> factors = {}, sums = {};
 };
 
 /// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
@@ -79,7 +96,8 @@ public:
     Eigen::Matrix3Xd bias_variances_mm = {};   ///< 3 x L, where there are biases, along x, y, z of model space [mm^2].
     double reference_scale = 1.0;              ///< phi of the shared focal length is that of an image of this scale.
     bool moves_expressions_only = false;       ///< Everything else is held.
-    const kernels::Kernels* kernels = nullptr; ///< For J^T W J, in single precision; nullptr: in double precision.
+    const kernels::Kernels* kernels = nullptr; ///< For J^T W J, in single precision, and all products with the model's
+                                               ///< rows; nullptr: by Eigen in double precision.
 
     [[nodiscard]] Eigen::Index num_shape() const { return prior_.vector.size(); }
     [[nodiscard]] Eigen::Index num_shared() const { return num_shape() + has_phi(); }
@@ -103,7 +121,25 @@ public:
     /// Weighted squares of residuals and priors, without robust loss and scale term.
     [[nodiscard]] double chi_square(const JointState& state) const;
 
+    /// Packs the points of an image for the kernels, where there are any; whenever its points have changed.
+    /// @param num_kept  Leading points that have not.
+    void pack(std::size_t image, Eigen::Index num_kept);
+
+    /// With the matrix of all unknowns.
     [[nodiscard]] JointSystem linearize(const JointState& state) const;
+
+    /// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against.
+    [[nodiscard]] std::vector<int> free_unknowns(const JointState& state, const Eigen::VectorXd& gradient) const;
+
+    /// With the matrix of those.
+    void linearize_free(const JointState& state, JointSystem& system) const;
+
+    /// The gradient alone anew; what has been eliminated with the biases stays. False where other unknowns are free
+    /// than those of the matrix.
+    [[nodiscard]] bool renew_gradient(const JointState& state, JointSystem& system) const;
+
+    /// Unknowns of the system's matrix that move an image, as positions in [shared | own].
+    [[nodiscard]] std::vector<int> unknowns_of_image(std::size_t image, const std::vector<int>& unknowns) const;
 
     /// How far each unknown may go down and up.
     void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
@@ -122,13 +158,28 @@ public:
 private:
     [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }
     [[nodiscard]] double prior_energy(const JointState& state) const;
-    [[nodiscard]] Eigen::MatrixXd gram_of(const Eigen::MatrixXd& rows) const;
-    void add_image(std::size_t image, const JointState& state, JointSystem& system) const;
-    void eliminate_biases(const JointState& state, JointSystem& system) const;
+    [[nodiscard]] Eigen::Matrix3Xd neutral_points(std::size_t image, const Eigen::VectorXd& alpha) const;
+    [[nodiscard]] Eigen::Matrix3Xd own_offsets(std::size_t image, const JointState& state) const;
+    [[nodiscard]] double own_scale(std::size_t image, const JointState& state) const
+    {
+        return images[image].matched_scale / state.cameras[image].scale_px_per_mm;
+    }
+    void set_terms(std::size_t image, const JointState& state, std::vector<PointTerm>& terms) const;
+    void set_gradient(const JointState& state, JointSystem& system) const;
+    void add_gradient(std::size_t image, const JointState& state, JointSystem& system) const;
+    void set_couplings(const JointState& state, JointSystem& system) const;
+    void eliminate_bias_gradient(JointSystem& system) const;
+    void set_hessian(const JointState& state, JointSystem& system) const;
+    void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system) const;
+    void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns,
+                             JointSystem& system) const;
+    void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerm& term, double own_scale,
+                           Eigen::MatrixX2d& rows) const;
 
     const JointOptions& options_;
     const IdentityInformation& prior_;
     Eigen::Index num_expressions_;
+    std::vector<PackedPoints> packed_ = {}; ///< Of each image.
 };
 
 } // namespace lineament::detail

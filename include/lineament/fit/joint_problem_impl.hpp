@@ -6,14 +6,15 @@
 
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/pose_step_impl.hpp"
-#include "lineament/kernels/aligned_buffer.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 namespace lineament::detail {
@@ -24,19 +25,60 @@ LINEAMENT_FIT_INLINE double prior_squares(const IdentityInformation& prior, cons
     return offset.dot(prior.matrix * offset);
 }
 
-LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
+LINEAMENT_FIT_INLINE void JointProblem::pack(std::size_t image, Eigen::Index num_kept)
+{
+    if (kernels != nullptr) {
+        packed_.resize(images.size());
+        packed_[image].pack(images[image].points, num_kept);
+    }
+}
+
+/// Adds to points (3 x N) the products of their rows with x; `columns` are the same rows, unpacked.
+inline void add_products(const kernels::Kernels* kernels, const PackedRows* packed, const Eigen::MatrixXd& columns,
+                         const Eigen::VectorXd& x, Eigen::Matrix3Xd& points)
+{
+    Eigen::Map<Eigen::VectorXd> stacked(points.data(), points.size());
+    if (kernels == nullptr) {
+        stacked.noalias() += columns.transpose() * x;
+        return;
+    }
+    AlignedBuffer<double> padded(static_cast<std::size_t>(packed->width));
+    std::copy_n(x.data(), x.size(), padded.data());
+    Eigen::VectorXd products(points.size());
+    kernels->multiply_double_rows(packed->rows.data(), static_cast<int>(points.size()), packed->width, padded.data(),
+                                  products.data());
+    stacked += products;
+}
+
+/// Model points of an image without expression and bias.
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::neutral_points(std::size_t image,
+                                                                   const Eigen::VectorXd& alpha) const
+{
+    const ModelPoints& points = images[image].points;
+    Eigen::Matrix3Xd shape = points.mean;
+    add_products(kernels, kernels != nullptr ? &packed_[image].identity : nullptr, points.identity, alpha, shape);
+    return shape;
+}
+
+/// What expression and bias add to them. Both count at the scale s_0: how large they are in the image must not tell how
+/// large the image of the head is.
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::own_offsets(std::size_t image, const JointState& state) const
 {
     const JointImage& seen = images[image];
-    // Expressions and biases count at the scale s_0: how large they are in the image must not tell how large the image
-    // of the head is.
-    const double own_scale = seen.matched_scale / state.cameras[image].scale_px_per_mm;
-    Eigen::Matrix3Xd shape = seen.points.at(state.alpha, own_scale * state.psi[image]);
+    Eigen::Matrix3Xd offsets = Eigen::Matrix3Xd::Zero(3, seen.points.num_points());
+    add_products(kernels, kernels != nullptr ? &packed_[image].expression : nullptr, seen.points.expression,
+                 state.psi[image], offsets);
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         if (seen.used[i].bias_index >= 0) {
-            shape.col(static_cast<Eigen::Index>(i)) += own_scale * state.bias.col(seen.used[i].bias_index);
+            offsets.col(static_cast<Eigen::Index>(i)) += state.bias.col(seen.used[i].bias_index);
         }
     }
-    return shape;
+    return own_scale(image, state) * offsets;
+}
+
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
+{
+    return neutral_points(image, state.alpha) + own_offsets(image, state);
 }
 
 LINEAMENT_FIT_INLINE double JointProblem::squared_residual(std::size_t image, Eigen::Index point,
@@ -102,138 +144,347 @@ LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state) co
     return -camera.scale_px_per_mm * inverse_depth * inverse_depth * in_camera.z() * in_camera.head<2>();
 }
 
-/// rows rows^T. What single precision leaves out of it changes the way of a step, not where the steps end: the gradient
-/// is kept in double precision.
-LINEAMENT_FIT_INLINE Eigen::MatrixXd JointProblem::gram_of(const Eigen::MatrixXd& rows) const
-{
-    const Eigen::Index size = rows.rows();
-    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(size, size);
-    if (kernels == nullptr) {
-        gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
-    } else {
-        const int width = kernels::round_up(static_cast<int>(size), kernels::width_step);
-        kernels::AlignedBuffer<float> packed(static_cast<std::size_t>(width * rows.cols()));
-        kernels::AlignedBuffer<float> sum(static_cast<std::size_t>(width * width));
-        Eigen::Map<Eigen::MatrixXf>(packed.data(), width, rows.cols()).topRows(size) = rows.cast<float>();
-        kernels->add_gram(packed.data(), static_cast<int>(rows.cols()), width, sum.data());
-        gram = Eigen::Map<const Eigen::MatrixXf>(sum.data(), width, width).topLeftCorner(size, size).cast<double>();
-    }
-    gram.triangularView<Eigen::StrictlyUpper>() = gram.transpose();
-    return gram;
-}
-
-LINEAMENT_FIT_INLINE void JointProblem::add_image(std::size_t image, const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const JointState& state,
+                                                  std::vector<PointTerm>& terms) const
 {
     const JointImage& seen = images[image];
     const Camera& camera = state.cameras[image];
-    const Eigen::Matrix3Xd shape = shape_of_points(image, state);
-    const Eigen::Index shared = num_shared();
-    const Eigen::Index size = shared + num_own();
-    const Eigen::Index num_points = shape.cols();
-    const Eigen::Index num_biases = state.bias.cols();
-    Eigen::MatrixXd rows(size, 2 * num_points); // J^T of this image's unknowns, times the roots of the curvatures
-    Eigen::VectorXd residuals(2 * num_points);
-    Eigen::MatrixXd coupling = Eigen::MatrixXd::Zero(num_biases > 0 ? size : 0, 3 * num_biases);
+    const Eigen::Matrix3Xd offsets = own_offsets(image, state);
+    const Eigen::Matrix3Xd shape = neutral_points(image, state.alpha) + offsets;
     const double phi_by_shared = camera.scale_px_per_mm / reference_scale;
-    const double own_scale = seen.matched_scale / camera.scale_px_per_mm;
-    const Eigen::Matrix3Xd moved_by_own = shape - seen.points.at(state.alpha, Eigen::VectorXd::Zero(num_expressions_));
-
-    for (Eigen::Index i = 0; i < num_points; ++i) {
-        const JointPoint& used = seen.used[static_cast<std::size_t>(i)];
-        const Eigen::Vector3d point = shape.col(i);
-        const Eigen::Vector2d residual = used.root * (camera.project(point) - seen.image_points.col(i));
+    terms.resize(seen.used.size());
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+        const JointPoint& used = seen.used[i];
+        const Eigen::Index column = static_cast<Eigen::Index>(i);
+        const Eigen::Vector3d point = shape.col(column);
+        const Eigen::Vector2d residual = used.root * (camera.project(point) - seen.image_points.col(column));
         const double squared = residual.squaredNorm();
         const double root_curvature = std::sqrt(robust_curvature(options_.loss, squared, used.num_dimensions));
-        const double weight = robust_weight(options_.loss, squared, used.num_dimensions);
         const Eigen::Matrix2d root = root_curvature * used.root;
-        const Eigen::Matrix<double, 2, 3> by_point = root * camera.jacobian(point);
-        auto columns = rows.middleCols<2>(2 * i);
-        columns.topRows(num_shape()).noalias() = seen.points.identity.middleCols<3>(3 * i) * by_point.transpose();
+        PointTerm& term = terms[i];
+        term.by_point = root * camera.jacobian(point);
+        term.by_camera = root * pose_jacobian(camera, point);
+        term.by_camera.col(3) -= term.by_point * offsets.col(column);
+        term.by_phi.setZero();
         if (has_phi()) {
-            columns.row(num_shape()) = (phi_by_shared * root * phi_jacobian(camera, point)).transpose();
+            term.by_phi = phi_by_shared * root * phi_jacobian(camera, point);
         }
-        Eigen::Matrix<double, 2, 6> by_camera = root * pose_jacobian(camera, point);
-        by_camera.col(3) -= by_point * moved_by_own.col(i);
-        columns.middleRows<6>(shared) = by_camera.transpose();
-        columns.bottomRows(num_expressions_).noalias() =
-            seen.points.expression.middleCols<3>(3 * i) * (own_scale * by_point.transpose());
-        residuals.segment<2>(2 * i) = weight / root_curvature * residual;
-        if (used.bias_index >= 0) {
-            const Eigen::Index b = used.bias_index;
-            const Eigen::Matrix<double, 2, 3> by_bias = own_scale * by_point;
-            coupling.middleCols<3>(3 * b).noalias() += columns * by_bias;
-            system.bias_blocks.middleCols<3>(3 * b).noalias() += by_bias.transpose() * by_bias;
-            system.bias_gradient.col(b).noalias() += by_bias.transpose() * residuals.segment<2>(2 * i);
-        }
+        term.residual = robust_weight(options_.loss, squared, used.num_dimensions) / root_curvature * residual;
     }
-    Eigen::MatrixXd gram = gram_of(rows);
-    const Eigen::VectorXd gradient = rows * residuals;
-    const Eigen::Index begin = own_begin(image);
-    system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
-    system.hessian.block(begin, 0, num_own(), shared) = gram.bottomLeftCorner(num_own(), shared);
-    system.hessian.block(0, begin, shared, num_own()) = gram.topRightCorner(shared, num_own());
-    system.hessian.block(begin, begin, num_own(), num_own()) = gram.bottomRightCorner(num_own(), num_own());
-    system.gradient.head(shared) += gradient.head(shared);
-    system.gradient.segment(begin, num_own()) = gradient.tail(num_own());
-    if (num_biases > 0) {
-        system.bias_coupling.topRows(shared) += coupling.topRows(shared);
-        system.bias_coupling.middleRows(begin, num_own()) = coupling.bottomRows(num_own());
-    }
-    system.image_grams.push_back(std::move(gram));
-    system.image_couplings.push_back(std::move(coupling));
 }
 
-LINEAMENT_FIT_INLINE void JointProblem::eliminate_biases(const JointState& state, JointSystem& system) const
+/// J^T W r of one image.
+LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const JointState& state,
+                                                     JointSystem& system) const
+{
+    const JointImage& seen = images[image];
+    const Eigen::Index num_points = seen.points.num_points();
+    const Eigen::Index begin = own_begin(image);
+    Eigen::Map<Eigen::Matrix3Xd> factors(room_for(system.factors, 3 * num_points), 3, num_points);
+    PoseStep by_camera = PoseStep::Zero();
+    for (Eigen::Index i = 0; i < num_points; ++i) {
+        const PointTerm& term = system.terms[image][static_cast<std::size_t>(i)];
+        factors.col(i).noalias() = term.by_point.transpose() * term.residual;
+        by_camera.noalias() += term.by_camera.transpose() * term.residual;
+        if (has_phi()) {
+            system.gradient[num_shape()] += term.by_phi.dot(term.residual);
+        }
+        if (const int b = seen.used[static_cast<std::size_t>(i)].bias_index; b >= 0) {
+            system.bias_gradient.col(b) += own_scale(image, state) * factors.col(i);
+        }
+    }
+    system.gradient.segment<6>(begin) = by_camera;
+    const auto add_scaled_rows = [&](const PackedRows& packed, double scale, auto gradient) {
+        double* sums = room_for(system.sums, packed.width);
+        std::fill_n(sums, packed.width, 0.0);
+        kernels->add_double_rows(packed.rows.data(), static_cast<int>(3 * num_points), packed.width, factors.data(),
+                                 sums);
+        gradient += scale * Eigen::Map<const Eigen::VectorXd>(sums, gradient.size());
+    };
+    auto by_alpha = system.gradient.head(num_shape());
+    auto by_psi = system.gradient.segment(begin + 6, num_expressions_);
+    if (kernels != nullptr) {
+        add_scaled_rows(packed_[image].identity, 1.0, by_alpha);
+        add_scaled_rows(packed_[image].expression, own_scale(image, state), by_psi);
+    } else {
+        const Eigen::Map<const Eigen::VectorXd> stacked(factors.data(), factors.size());
+        by_alpha.noalias() += seen.points.identity * stacked;
+        by_psi.noalias() += own_scale(image, state) * (seen.points.expression * stacked);
+    }
+}
+
+/// The gradient with respect to unknowns and biases, these not eliminated.
+LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, JointSystem& system) const
+{
+    system.gradient.setZero(num_unknowns());
+    system.bias_gradient.setZero(3, state.bias.cols());
+    system.terms.resize(images.size());
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        set_terms(f, state, system.terms[f]);
+        add_gradient(f, state, system);
+        const Eigen::Index begin = own_begin(f);
+        system.gradient[begin + 3] += images[f].scale_strength;
+        system.gradient.segment(begin + 6, num_expressions_) += std::pow(options_.expression_sigma, -2) * state.psi[f];
+    }
+    system.gradient.head(num_shape()) += prior_.matrix * state.alpha - prior_.vector;
+    if (has_phi()) {
+        system.gradient[num_shape()] += std::pow(*options_.phi_sigma_per_mm, -2) * state.phi_per_mm;
+    }
+    if (state.bias.cols() > 0) {
+        system.bias_gradient += state.bias.cwiseQuotient(bias_variances_mm);
+    }
+}
+
+/// The rows of J^T that a point adds, in the order [shared | own] (x 2).
+LINEAMENT_FIT_INLINE void JointProblem::set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerm& term,
+                                                          double own_scale, Eigen::MatrixX2d& rows) const
+{
+    const ModelPoints& points = images[image].points;
+    rows.resize(num_shared() + num_own(), 2);
+    rows.topRows(num_shape()).noalias() = points.identity.middleCols<3>(3 * point) * term.by_point.transpose();
+    if (has_phi()) {
+        rows.row(num_shape()) = term.by_phi.transpose();
+    }
+    rows.middleRows<6>(num_shared()) = term.by_camera.transpose();
+    rows.bottomRows(num_expressions_).noalias() =
+        points.expression.middleCols<3>(3 * point) * (own_scale * term.by_point.transpose());
+}
+
+/// How the biases are coupled with each other and with the unknowns.
+LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, JointSystem& system) const
 {
     const Eigen::Index num_biases = state.bias.cols();
+    const Eigen::Index shared = num_shared();
     if (num_biases == 0) {
         return;
     }
+    system.bias_blocks.setZero(3, 3 * num_biases);
+    system.bias_coupling.setZero(num_unknowns(), 3 * num_biases);
+    system.image_couplings.assign(images.size(), Eigen::MatrixXd::Zero(shared + num_own(), 3 * num_biases));
+    Eigen::MatrixX2d rows;
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        Eigen::MatrixXd& coupling = system.image_couplings[f];
+        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
+            const Eigen::Index b = images[f].used[i].bias_index;
+            if (b >= 0) {
+                const PointTerm& term = system.terms[f][i];
+                const Eigen::Matrix<double, 2, 3> by_bias = own_scale(f, state) * term.by_point;
+                set_rows_of_point(f, static_cast<Eigen::Index>(i), term, own_scale(f, state), rows);
+                coupling.middleCols<3>(3 * b).noalias() += rows * by_bias;
+                system.bias_blocks.middleCols<3>(3 * b).noalias() += by_bias.transpose() * by_bias;
+            }
+        }
+        system.bias_coupling.topRows(shared) += coupling.topRows(shared);
+        system.bias_coupling.middleRows(own_begin(f), num_own()) = coupling.bottomRows(num_own());
+    }
     system.bias_inverse.resize(3, 3 * num_biases);
-    Eigen::MatrixXd scaled(system.hessian.rows(), 3 * num_biases); // coupling times the inverse's root
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         Eigen::Matrix3d block = system.bias_blocks.middleCols<3>(3 * b);
         block.diagonal() += bias_variances_mm.col(b).cwiseInverse();
-        system.bias_gradient.col(b) += state.bias.col(b).cwiseQuotient(bias_variances_mm.col(b));
-        const Eigen::Matrix3d inverse = block.inverse();
-        system.bias_inverse.middleCols<3>(3 * b) = inverse;
-        const Eigen::Matrix3d root = inverse.llt().matrixL();
-        scaled.middleCols<3>(3 * b).noalias() = system.bias_coupling.middleCols<3>(3 * b) * root;
-        system.gradient.noalias() -=
-            system.bias_coupling.middleCols<3>(3 * b) * (inverse * system.bias_gradient.col(b));
+        system.bias_inverse.middleCols<3>(3 * b) = block.inverse();
     }
-    system.hessian.selfadjointView<Eigen::Lower>().rankUpdate(scaled, -1.0);
-    system.hessian.triangularView<Eigen::StrictlyUpper>() = system.hessian.transpose();
+}
+
+LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_gradient(JointSystem& system) const
+{
+    for (Eigen::Index b = 0; b < system.bias_gradient.cols(); ++b) {
+        system.gradient.noalias() -= system.bias_coupling.middleCols<3>(3 * b) *
+                                     (system.bias_inverse.middleCols<3>(3 * b) * system.bias_gradient.col(b));
+    }
+}
+
+LINEAMENT_FIT_INLINE std::vector<int> JointProblem::unknowns_of_image(std::size_t image,
+                                                                      const std::vector<int>& unknowns) const
+{
+    std::vector<int> positions;
+    const int shared = static_cast<int>(num_shared());
+    const int begin = static_cast<int>(own_begin(image));
+    const int end = begin + static_cast<int>(num_own());
+    for (const int unknown : unknowns) {
+        if (unknown < shared) {
+            positions.push_back(unknown);
+        } else if (unknown >= begin && unknown < end) {
+            positions.push_back(shared + unknown - begin);
+        }
+    }
+    return positions;
+}
+
+/// J^T W J of some unknowns of one image, by their positions in [shared | own].
+LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
+                                                 JointSystem& system) const
+{
+    const std::vector<PointTerm>& terms = system.terms[image];
+    const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
+    Eigen::MatrixXd& gram = system.image_grams[image];
+    gram.resize(size, size);
+    if (kernels != nullptr) {
+        set_gram_by_kernels(image, own_scale, unknowns, system);
+        return;
+    }
+    Eigen::MatrixXd rows(size, 2 * static_cast<Eigen::Index>(terms.size()));
+    Eigen::MatrixX2d of_point;
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+        const Eigen::Index point = static_cast<Eigen::Index>(i);
+        set_rows_of_point(image, point, terms[i], own_scale, of_point);
+        rows.middleCols<2>(2 * point) = of_point(unknowns, Eigen::all);
+    }
+    gram.setZero();
+    gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
+}
+
+/// In single precision. What it leaves out changes the way of a step, not where the steps end: the gradient is kept in
+/// double precision.
+LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, double own_scale,
+                                                            const std::vector<int>& unknowns, JointSystem& system) const
+{
+    const std::vector<PointTerm>& terms = system.terms[image];
+    const PackedPoints& packed = packed_[image];
+    const int num_points = static_cast<int>(terms.size());
+    const int shape_width = packed.identity.width, expression_width = packed.expression.width;
+    constexpr int camera_width = kernels::double_step; // phi and the six of the camera
+    const int width = kernels::round_up(shape_width + camera_width + expression_width, kernels::width_step);
+    float* rows = room_for(system.rows, static_cast<Eigen::Index>(2 * num_points) * width);
+    std::fill_n(rows, static_cast<std::ptrdiff_t>(2 * num_points) * width, 0.0f);
+
+    // [alpha | camera, phi | psi], each filled up.
+    double* jacobians = room_for(system.factors, 6 * num_points);
+    for (int i = 0; i < num_points; ++i) {
+        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(jacobians + 6 * i) = terms[i].by_point;
+        for (int axis = 0; axis < 2; ++axis) {
+            float* camera = rows + (2 * i + axis) * width + shape_width;
+            Eigen::Map<Eigen::Matrix<float, 1, 6>> by_camera(camera);
+            by_camera = terms[i].by_camera.row(axis).cast<float>();
+            camera[6] = static_cast<float>(terms[i].by_phi[axis]);
+        }
+    }
+    kernels->project_points(packed.identity.rows.data(), shape_width, num_points, jacobians, rows, width);
+    Eigen::Map<Eigen::VectorXd>(jacobians, 6 * num_points) *= own_scale;
+    kernels->project_points(packed.expression.rows.data(), expression_width, num_points, jacobians,
+                            rows + shape_width + camera_width, width);
+
+    // Of each row what is asked for, moved together.
+    const int shape_size = static_cast<int>(num_shape()), shared = static_cast<int>(num_shared());
+    const int size = static_cast<int>(unknowns.size());
+    std::vector<int> columns;
+    for (const int unknown : unknowns) {
+        columns.push_back(unknown < shape_size   ? unknown
+                          : unknown < shared     ? shape_width + 6
+                          : unknown < shared + 6 ? shape_width + unknown - shared
+                                                 : shape_width + camera_width + unknown - shared - 6);
+    }
+    const int gram_width = kernels::round_up(size, kernels::width_step);
+    const float* from = rows;
+    float* to = rows;
+    std::vector<float> moved(static_cast<std::size_t>(gram_width));
+    int first = 0; // of those that move
+    while (first < size && columns[static_cast<std::size_t>(first)] == first) {
+        ++first;
+    }
+    for (int r = 0; r < 2 * num_points; ++r, from += width, to += gram_width) {
+        std::copy_n(from, first, moved.begin());
+        for (int c = first; c < size; ++c) {
+            moved[static_cast<std::size_t>(c)] = from[columns[static_cast<std::size_t>(c)]];
+        }
+        std::copy(moved.begin(), moved.end(), to);
+    }
+    float* gram = room_for(system.gram, static_cast<Eigen::Index>(gram_width) * gram_width);
+    std::fill_n(gram, gram_width * gram_width, 0.0f);
+    kernels->add_gram(rows, 2 * num_points, gram_width, gram);
+    for (int j = 0; j < size; ++j) { // the upper triangle's rows are the lower one's columns
+        system.image_grams[image].col(j).tail(size - j) =
+            Eigen::Map<const Eigen::VectorXf>(gram + j * (gram_width + 1), size - j).cast<double>();
+    }
+}
+
+/// The matrix of system.unknowns, biases eliminated.
+LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, JointSystem& system) const
+{
+    const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
+    const auto is_before = [&](Eigen::Index end) {
+        return std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(end)) -
+               system.unknowns.begin();
+    };
+    const Eigen::Index shared = is_before(num_shared());
+    system.hessian.setZero(size, size);
+    system.image_grams.resize(images.size());
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system);
+        const Eigen::MatrixXd& gram = system.image_grams[f];
+        const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
+        system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
+        system.hessian.block(begin, 0, own, shared) = gram.bottomLeftCorner(own, shared);
+        system.hessian.block(begin, begin, own, own) = gram.bottomRightCorner(own, own);
+    }
+    const Eigen::Index num_alpha = is_before(num_shape());
+    if (num_alpha == num_shape()) {
+        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_.matrix;
+    } else {
+        const std::vector<int> alpha(system.unknowns.begin(), system.unknowns.begin() + num_alpha);
+        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_.matrix(alpha, alpha);
+    }
+    for (Eigen::Index i = num_alpha; i < size; ++i) {
+        if (system.unknowns[i] < num_shared()) {
+            system.hessian(i, i) += std::pow(*options_.phi_sigma_per_mm, -2);
+        } else if (!is_camera(system.unknowns[i])) {
+            system.hessian(i, i) += std::pow(options_.expression_sigma, -2);
+        }
+    }
+    const Eigen::Index num_biases = state.bias.cols();
+    if (num_biases > 0) {
+        Eigen::MatrixXd scaled(size, 3 * num_biases); // coupling times the inverse's root
+        for (Eigen::Index b = 0; b < num_biases; ++b) {
+            const Eigen::Matrix3d inverse = system.bias_inverse.middleCols<3>(3 * b);
+            const Eigen::Matrix3d root = inverse.llt().matrixL();
+            const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(system.unknowns, Eigen::all);
+            scaled.middleCols<3>(3 * b).noalias() = coupling * root;
+        }
+        system.hessian.selfadjointView<Eigen::Lower>().rankUpdate(scaled, -1.0);
+    }
+}
+
+LINEAMENT_FIT_INLINE std::vector<int> JointProblem::free_unknowns(const JointState& state,
+                                                                  const Eigen::VectorXd& gradient) const
+{
+    Eigen::VectorXd down, up;
+    room(state, down, up);
+    std::vector<int> free;
+    for (Eigen::Index i = 0; i < gradient.size(); ++i) {
+        const bool is_low = down[i] >= 0;
+        const bool is_high = up[i] <= 0;
+        if (!(is_low && (is_high || gradient[i] > 0)) && !(is_high && gradient[i] < 0)) {
+            free.push_back(static_cast<int>(i));
+        }
+    }
+    return free;
 }
 
 LINEAMENT_FIT_INLINE JointSystem JointProblem::linearize(const JointState& state) const
 {
     JointSystem system;
-    const Eigen::Index size = num_unknowns();
-    system.hessian = Eigen::MatrixXd::Zero(size, size);
-    system.gradient = Eigen::VectorXd::Zero(size);
-    system.bias_gradient = Eigen::Matrix3Xd::Zero(3, state.bias.cols());
-    system.bias_blocks = Eigen::MatrixXd::Zero(3, 3 * state.bias.cols());
-    system.bias_coupling = Eigen::MatrixXd::Zero(state.bias.cols() > 0 ? size : 0, 3 * state.bias.cols());
-    for (std::size_t f = 0; f < images.size(); ++f) {
-        add_image(f, state, system);
-    }
-    system.hessian.topLeftCorner(num_shape(), num_shape()) += prior_.matrix;
-    system.gradient.head(num_shape()) += prior_.matrix * state.alpha - prior_.vector;
-    if (has_phi()) {
-        const double precision = std::pow(*options_.phi_sigma_per_mm, -2);
-        system.hessian(num_shape(), num_shape()) += precision;
-        system.gradient[num_shape()] += precision * state.phi_per_mm;
-    }
-    const double precision = std::pow(options_.expression_sigma, -2);
-    for (std::size_t f = 0; f < images.size(); ++f) {
-        const Eigen::Index begin = own_begin(f);
-        system.gradient[begin + 3] += images[f].scale_strength;
-        system.hessian.diagonal().segment(begin + 6, num_expressions_).array() += precision;
-        system.gradient.segment(begin + 6, num_expressions_) += precision * state.psi[f];
-    }
-    eliminate_biases(state, system);
+    set_gradient(state, system);
+    set_couplings(state, system);
+    eliminate_bias_gradient(system);
+    system.unknowns.resize(static_cast<std::size_t>(num_unknowns()));
+    std::iota(system.unknowns.begin(), system.unknowns.end(), 0);
+    set_hessian(state, system);
     return system;
+}
+
+LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, JointSystem& system) const
+{
+    set_gradient(state, system);
+    set_couplings(state, system);
+    eliminate_bias_gradient(system);
+    system.unknowns = free_unknowns(state, system.gradient);
+    set_hessian(state, system);
+}
+
+LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, JointSystem& system) const
+{
+    set_gradient(state, system);
+    eliminate_bias_gradient(system);
+    return free_unknowns(state, system.gradient) == system.unknowns;
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const

@@ -13,15 +13,8 @@
 
 namespace lineament::detail {
 
-/// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against.
-[[nodiscard]] std::vector<int> free_unknowns(const JointSystem& system, const Eigen::VectorXd& down,
-                                             const Eigen::VectorXd& up);
-
-/// The block of those rows and columns.
+/// The block of those rows and columns, ascending, of a lower triangle.
 [[nodiscard]] Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices);
-
-/// Of a positive definite matrix.
-[[nodiscard]] Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& matrix);
 
 /// Sets n_f of every image, half the derivative of log det Lambda by its log s: its share in the effective number of
 /// shape coefficients that the landmarks determine.                                      docs/joint-fit.md, Eq. (14)
@@ -34,8 +27,9 @@ struct JointProgress
     std::vector<EnergyStep> energies = {};
 };
 
-/// Lowers the energy of a round by damped Gauss-Newton steps until the step left is `tolerance` posterior standard
-/// deviations long (step^T H step = -gradient^T step), or the iterations are used up.
+/// Lowers the energy of a round by damped Gauss-Newton steps, whose matrix is kept while the steps are short, until the
+/// step left is `tolerance` posterior standard deviations long (step^T H step = -gradient^T step), or the iterations
+/// are used up.
 void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance, int round,
               JointProgress& progress);
 

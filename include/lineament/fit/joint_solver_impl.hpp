@@ -5,117 +5,120 @@
 #include "lineament/fit/joint_solver.hpp"
 
 #include "lineament/fit/inline.hpp"
-
-#include <Eigen/Cholesky>
+#include "lineament/fit/positive_factor_impl.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 #include <vector>
 
 namespace lineament::detail {
 
-LINEAMENT_FIT_INLINE std::vector<int> free_unknowns(const JointSystem& system, const Eigen::VectorXd& down,
-                                                    const Eigen::VectorXd& up)
-{
-    std::vector<int> free;
-    for (Eigen::Index i = 0; i < system.gradient.size(); ++i) {
-        const bool is_low = down[i] >= 0;
-        const bool is_high = up[i] <= 0;
-        const double gradient = system.gradient[i];
-        if (!(is_low && (is_high || gradient > 0)) && !(is_high && gradient < 0)) {
-            free.push_back(static_cast<int>(i));
-        }
-    }
-    return free;
-}
-
 LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices)
 {
     const std::size_t size = indices.size();
     Eigen::MatrixXd block(size, size);
-    double* to = block.data();
     for (std::size_t j = 0; j < size; ++j) { // several times as fast as an indexed view
         const double* column = matrix.data() + matrix.rows() * indices[j];
-        for (std::size_t i = 0; i < size; ++i) {
-            *to++ = column[indices[i]];
+        double* to = block.data() + j * size;
+        for (std::size_t i = j; i < size; ++i) {
+            to[i] = column[indices[i]];
         }
     }
     return block;
 }
 
-LINEAMENT_FIT_INLINE Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& matrix)
-{
-    const Eigen::Index size = matrix.rows();
-    const Eigen::LLT<Eigen::MatrixXd> cholesky(matrix);
-    Eigen::MatrixXd root = Eigen::MatrixXd::Identity(size, size);
-    cholesky.matrixL().solveInPlace(root); // L^-1
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
-    inverse.triangularView<Eigen::StrictlyUpper>() = inverse.transpose();
-    return inverse;
-}
-
 /// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
 /// again.
-[[nodiscard]] inline Eigen::VectorXd bounded_step(const JointSystem& system, double damping,
-                                                  const Eigen::VectorXd& down, const Eigen::VectorXd& up)
+/// @param factor  Of the system's matrix with this damping.
+[[nodiscard]] inline Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor, double damping,
+                                                  const Eigen::VectorXd& down, const Eigen::VectorXd& up,
+                                                  const kernels::Kernels* kernels)
 {
     Eigen::VectorXd step = Eigen::VectorXd::Zero(system.gradient.size());
-    std::vector<int> free = free_unknowns(system, down, up);
-    while (!free.empty()) {
-        const Eigen::VectorXd right_side = -system.gradient - system.hessian * step;
-        Eigen::MatrixXd block = block_of(system.hessian, free);
-        block.diagonal() *= 1 + damping;
-        const Eigen::VectorXd solved = block.llt().solve(Eigen::VectorXd(right_side(free)));
+    if (system.unknowns.empty()) {
+        return step;
+    }
+    const Eigen::VectorXd right_side = -system.gradient(system.unknowns);
+    Eigen::VectorXd held = Eigen::VectorXd::Zero(right_side.size()); // steps of what is held
+    std::vector<int> free(system.unknowns.size());                   // positions among the unknowns
+    std::iota(free.begin(), free.end(), 0);
+    Eigen::VectorXd solved = factor.solve(right_side);
+    while (true) {
         std::vector<int> inside;
         for (std::size_t i = 0; i < free.size(); ++i) {
+            const int unknown = system.unknowns[free[i]];
             const double goal = solved[static_cast<Eigen::Index>(i)];
-            if (goal >= down[free[i]] && goal <= up[free[i]]) {
+            if (goal >= down[unknown] && goal <= up[unknown]) {
                 inside.push_back(free[i]);
+                step[unknown] = goal;
             } else {
-                step[free[i]] = goal < down[free[i]] ? down[free[i]] : up[free[i]];
+                step[unknown] = held[free[i]] = goal < down[unknown] ? down[unknown] : up[unknown];
             }
         }
-        if (inside.size() == free.size()) {
-            step(free) = solved;
-            break;
+        if (inside.size() == free.size() || inside.empty()) {
+            return step;
         }
         free = std::move(inside);
+        PositiveFactor of_rest(kernels);
+        of_rest.factor(block_of(system.hessian, free), damping);
+        const Eigen::VectorXd rest = right_side - system.hessian.selfadjointView<Eigen::Lower>() * held;
+        solved = of_rest.solve(rest(free));
     }
-    return step;
 }
 
 LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system)
 {
-    Eigen::VectorXd down, up;
-    problem.room(state, down, up);
-    std::vector<int> linear = free_unknowns(system, down, up);
-    std::erase_if(linear, [&](int i) { return problem.is_camera(i); });
-    const Eigen::Index size = system.gradient.size();
+    std::vector<int> linear; // positions among the unknowns
+    for (int i = 0; i < static_cast<int>(system.unknowns.size()); ++i) {
+        if (!problem.is_camera(system.unknowns[i])) {
+            linear.push_back(i);
+        }
+    }
+    const Eigen::Index size = system.hessian.rows();
+    PositiveFactor factor(problem.kernels);
+    const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
+    const Eigen::MatrixXd root =
+        factor.half_solve(block_of(system.hessian, linear), Eigen::MatrixXd::Identity(num_linear, num_linear));
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse(linear, linear) = inverse_of(block_of(system.hessian, linear));
+    inverse(linear, linear) = factor.inverse_from(root);
     const Eigen::Index num_biases = state.bias.cols();
     Eigen::MatrixXd spread(num_biases > 0 ? size : 0, 3 * num_biases); // - covariance of the unknowns with the biases
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         const Eigen::Matrix3d bias_inverse = system.bias_inverse.middleCols<3>(3 * b);
-        spread.middleCols<3>(3 * b).noalias() = inverse * (system.bias_coupling.middleCols<3>(3 * b) * bias_inverse);
+        const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(system.unknowns, Eigen::all);
+        spread.middleCols<3>(3 * b).noalias() = inverse * (coupling * bias_inverse);
     }
-    const Eigen::Index shared = problem.num_shared();
-    const Eigen::Index own = problem.num_own();
     for (std::size_t f = 0; f < problem.images.size(); ++f) {
-        const Eigen::Index begin = problem.own_begin(f);
+        const std::vector<int> positions = problem.unknowns_of_image(f, system.unknowns);
+        const Eigen::Index shared =
+            std::lower_bound(positions.begin(), positions.end(), problem.num_shared()) - positions.begin();
+        const Eigen::Index own = static_cast<Eigen::Index>(positions.size()) - shared;
+        const Eigen::Index begin =
+            std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.own_begin(f)) -
+            system.unknowns.begin();
         const Eigen::MatrixXd& gram = system.image_grams[f];
-        double strength = gram.topLeftCorner(shared, shared).cwiseProduct(inverse.topLeftCorner(shared, shared)).sum();
+        double strength = 0;
+        for (Eigen::Index j = 0; j < shared; ++j) { // of symmetric matrices: below the diagonal all counts twice
+            const Eigen::Index below = shared - 1 - j;
+            strength += gram(j, j) * inverse(j, j) +
+                        2 * gram.col(j).segment(j + 1, below).dot(inverse.col(j).segment(j + 1, below));
+        }
         strength += gram.bottomLeftCorner(own, shared).cwiseProduct(inverse.block(begin, 0, own, shared)).sum();
         if (num_biases > 0) {
-            strength -= system.image_couplings[f].topRows(shared).cwiseProduct(spread.topRows(shared)).sum();
+            const Eigen::MatrixXd coupling =
+                system.image_couplings[f](std::vector<int>(positions.begin(), positions.begin() + shared), Eigen::all);
+            strength -= coupling.cwiseProduct(spread.topRows(shared)).sum();
         }
         double& scale_strength = problem.images[f].scale_strength;
-        system.gradient[begin + 3] += strength - scale_strength;
+        system.gradient[problem.own_begin(f) + 3] += strength - scale_strength;
         scale_strength = strength;
     }
 }
+
+/// Below this -1/2 gradient . step, one posterior standard deviation squared, the matrix hardly changes with a step.
+inline constexpr double short_decrease = 1.0;
 
 LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance,
                                    int round, JointProgress& progress)
@@ -123,18 +126,26 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
     progress.has_settled = false;
     double damping = 0;
     double energy = 0;
+    double last_decrease = short_decrease;
+    bool keeps_matrix = false;
+    JointSystem system;
+    PositiveFactor factor(problem.kernels);
     Eigen::VectorXd down, up;
     for (int iteration = 0; iteration < max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;
-        JointSystem system = problem.linearize(state);
-        if (iteration == 0) {
-            refresh_scale_strengths(problem, state, system);
-            energy = problem.energy(state);
-            progress.energies.push_back({round, energy});
+        if (!keeps_matrix || !problem.renew_gradient(state, system)) {
+            keeps_matrix = false;
+            problem.linearize_free(state, system);
+            if (iteration == 0) {
+                refresh_scale_strengths(problem, state, system);
+                energy = problem.energy(state);
+                progress.energies.push_back({round, energy});
+            }
+            factor.factor(system.hessian, damping);
         }
         problem.room(state, down, up);
         while (true) {
-            const Eigen::VectorXd step = bounded_step(system, damping, down, up);
+            const Eigen::VectorXd step = bounded_step(system, factor, damping, down, up, problem.kernels);
             JointState next = problem.moved(state, system, step, damping);
             const double next_energy = problem.energy(next);
             const double decrease = -system.gradient.dot(step);
@@ -145,13 +156,22 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
                 state = std::move(next);
                 energy = next_energy;
                 progress.energies.push_back({round, energy});
+                // A kept matrix must bring the steps down quickly.
+                keeps_matrix = damping == 0 && decrease <= (keeps_matrix ? 0.1 * last_decrease : short_decrease);
+                last_decrease = decrease;
                 damping = damping < 1e-4 ? 0 : 0.1 * damping;
                 break;
             }
             if (progress.has_settled || damping > 1e9) {
                 return;
             }
-            damping = std::max(1e-3, 10 * damping);
+            if (keeps_matrix) {
+                keeps_matrix = false;
+                problem.linearize_free(state, system);
+            } else {
+                damping = std::max(1e-3, 10 * damping);
+            }
+            factor.factor(system.hessian, damping);
         }
     }
 }

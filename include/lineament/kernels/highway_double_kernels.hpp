@@ -94,15 +94,15 @@ inline void add_double_rows(const double* rows, int num_rows, int width, const d
     }
 }
 
-inline void project_points(const double* point_rows, int width, int count, int num_points, const double* jacobians,
-                           float* out, int out_width)
+inline void project_points(const double* point_rows, int width, int num_points, const double* jacobians, float* out,
+                           int out_width)
 {
     const DoubleTag d;
     const hn::Rebind<float, DoubleTag> narrow;
     for (int i = 0; i < num_points; ++i, point_rows += 3 * width, jacobians += 6, out += 2 * out_width) {
         const DoubleVector ux = hn::Set(d, jacobians[0]), uy = hn::Set(d, jacobians[1]), uz = hn::Set(d, jacobians[2]);
         const DoubleVector vx = hn::Set(d, jacobians[3]), vy = hn::Set(d, jacobians[4]), vz = hn::Set(d, jacobians[5]);
-        for (int c = 0; c < count; c += double_lanes) {
+        for (int c = 0; c < width; c += double_lanes) {
             const DoubleVector x = hn::Load(d, point_rows + c);
             const DoubleVector y = hn::Load(d, point_rows + width + c);
             const DoubleVector z = hn::Load(d, point_rows + 2 * width + c);

@@ -89,11 +89,11 @@ struct Kernels
     /// sums[c] += sum_r factors[r] rows[r width + c]
     void (*add_double_rows)(const double* rows, int num_rows, int width, const double* factors, double* sums);
 
-    /// The first `count` columns of rows 2i and 2i + 1 of out = J_i times those of the three rows of point i, J_i 2 x 3
-    /// at jacobians + 6i, in single precision. `count` is a multiple of double_step; rows of `out` have out_width
-    /// floats.
-    void (*project_points)(const double* point_rows, int width, int count, int num_points, const double* jacobians,
-                           float* out, int out_width);
+    /// The first `width` columns of rows 2i and 2i + 1 of out = J_i times the three rows of point i, J_i 2 x 3 at
+    /// jacobians + 6i, in single precision. Rows of `out` have out_width floats; the columns begin at a multiple of
+    /// double_step.
+    void (*project_points)(const double* point_rows, int width, int num_points, const double* jacobians, float* out,
+                           int out_width);
 
     /// gram += rows^T rows, upper triangle (more may be written).
     void (*add_double_gram)(const double* rows, int num_rows, int width, double* gram);

@@ -196,12 +196,12 @@ inline void add_double_rows(const double* rows, int num_rows, int width, const d
     }
 }
 
-inline void project_points(const double* point_rows, int width, int count, int num_points, const double* jacobians,
-                           float* out, int out_width)
+inline void project_points(const double* point_rows, int width, int num_points, const double* jacobians, float* out,
+                           int out_width)
 {
     for (int i = 0; i < num_points; ++i, point_rows += 3 * width) {
         for (int axis = 0; axis < 2; ++axis, jacobians += 3, out += out_width) {
-            for (int c = 0; c < count; ++c) {
+            for (int c = 0; c < width; ++c) {
                 out[c] = static_cast<float>(jacobians[0] * point_rows[c] + jacobians[1] * point_rows[width + c] +
                                             jacobians[2] * point_rows[2 * width + c]);
             }

@@ -1,0 +1,114 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lineament/fit/packed_points_impl.hpp"
+
+#include <Eigen/Cholesky>
+
+#include <cmath>
+#include <limits>
+
+namespace lineament::detail {
+
+/// Cholesky's factor U of a positive definite matrix, A = U^T U, and what is solved with it; by kernels, where there
+/// are any, or by Eigen. Buffers are kept from one matrix to the next.
+class PositiveFactor
+{
+public:
+    explicit PositiveFactor(const kernels::Kernels* kernels) : kernels_(kernels) {}
+
+    /// @param matrix   n x n, of which the lower triangle is read. What is solved with a matrix that is not positive
+    ///                 definite is not a number.
+    /// @param damping  The diagonal is made 1 + damping times as large.
+    void factor(const Eigen::MatrixXd& matrix, double damping = 0.0)
+    {
+        size_ = matrix.rows();
+        if (kernels_ == nullptr) {
+            Eigen::MatrixXd damped = matrix;
+            damped.diagonal() *= 1 + damping;
+            cholesky_.compute(damped);
+        } else {
+            factor_beside(matrix, damping, Eigen::MatrixXd(size_, 0));
+        }
+    }
+
+    /// A^-1 b.
+    [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& b)
+    {
+        if (kernels_ == nullptr) {
+            return cholesky_.solve(b);
+        }
+        double* x = room_for(right_side_, padded_size());
+        Eigen::Map<Eigen::VectorXd> solved(x, size_);
+        solved = b;
+        kernels_->solve_factored(system_.data(), static_cast<int>(size_), width_, x);
+        return solved;
+    }
+
+    /// U^-T B (n x c) for A factored anew; with B = 1 the root of the inverse, A^-1 = (U^-T)^T U^-T.
+    [[nodiscard]] Eigen::MatrixXd half_solve(const Eigen::MatrixXd& matrix, const Eigen::MatrixXd& columns)
+    {
+        size_ = matrix.rows();
+        if (kernels_ == nullptr) {
+            cholesky_.compute(matrix);
+            return cholesky_.matrixL().solve(columns);
+        }
+        factor_beside(matrix, 0.0, columns);
+        return rows().rightCols(width_ - padded_size()).leftCols(columns.cols());
+    }
+
+    /// A^-1 = R^T R of R = half_solve(A, 1).
+    [[nodiscard]] Eigen::MatrixXd inverse_from(const Eigen::MatrixXd& root)
+    {
+        const Eigen::Index n = root.cols();
+        Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, n);
+        if (kernels_ == nullptr) {
+            inverse.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
+        } else {
+            const int width = kernels::round_up(static_cast<int>(n), kernels::double_step);
+            width_ = width;
+            double* rows = room_for(system_, 2 * width * width);
+            double* gram = rows + width * width;
+            std::fill_n(rows, 2 * width * width, 0.0);
+            Eigen::Map<RowMajor>(rows, width, width).topLeftCorner(n, n) = root;
+            kernels_->add_double_gram(rows, static_cast<int>(n), width, gram);
+            inverse = Eigen::Map<const Eigen::MatrixXd>(gram, width, width).topLeftCorner(n, n);
+        }
+        inverse.triangularView<Eigen::StrictlyUpper>() = inverse.transpose();
+        return inverse;
+    }
+
+private:
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+    [[nodiscard]] Eigen::Map<RowMajor> rows() { return {system_.data(), size_, width_}; }
+
+    [[nodiscard]] int padded_size() const { return kernels::round_up(static_cast<int>(size_), kernels::double_step); }
+
+    /// U, with U^-T times the columns beside it.
+    void factor_beside(const Eigen::MatrixXd& matrix, double damping, const Eigen::MatrixXd& columns)
+    {
+        const int n = static_cast<int>(size_);
+        width_ = padded_size() + kernels::round_up(static_cast<int>(columns.cols()), kernels::double_step);
+        double* row = room_for(system_, static_cast<Eigen::Index>(n) * width_);
+        for (int i = 0; i < n; ++i, row += width_) { // the lower triangle's columns are the upper one's rows
+            std::copy(matrix.data() + i * (n + 1), matrix.data() + (i + 1) * n, row + i);
+            std::fill(row + n, row + width_, 0.0);
+            row[i] *= 1 + damping;
+        }
+        rows().rightCols(width_ - padded_size()).leftCols(columns.cols()) = columns;
+        if (!(kernels_->factor_positive(system_.data(), n, width_) > 0)) {
+            rows().setConstant(std::numeric_limits<double>::quiet_NaN());
+        }
+    }
+
+    const kernels::Kernels* kernels_;
+    Eigen::Index size_ = 0;
+    int width_ = 0;
+    AlignedBuffer<double> system_ = {}; ///< U in its upper triangle.
+    AlignedBuffer<double> right_side_ = {};
+    Eigen::LLT<Eigen::MatrixXd> cholesky_ = {};
+};
+
+} // namespace lineament::detail
