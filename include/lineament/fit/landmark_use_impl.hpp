@@ -24,10 +24,26 @@ struct LandmarkUse
     return outline_side(fitter.scheme(), landmark.name).has_value();
 }
 
-inline void require_within_reach(double largest_px, const char* function, const std::string& place)
+/// @throws InvalidArgument in the name of the function on a landmark that is not finite or beyond max_coordinate_px, or
+/// a
+///         confidence outside [0, 1].
+inline void require_usable(const Landmark& landmark, const char* function)
 {
-    require(largest_px <= max_coordinate_px, function, place.c_str(),
-            "coordinates of at most " + to_text(max_coordinate_px) + " px", to_text(largest_px));
+    const double depth_px = landmark.depth_px.value_or(0.0);
+    const double largest_px = landmark.point_px.cwiseAbs().maxCoeff();
+    if (landmark.point_px.allFinite() && largest_px <= max_coordinate_px && std::abs(depth_px) <= max_coordinate_px &&
+        landmark.confidence >= 0 && landmark.confidence <= 1) {
+        return; // no words for hundreds of good ones
+    }
+    const std::string place = "landmark \"" + landmark.name + "\"";
+    require_finite(landmark.point_px, function, place.c_str());
+    require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(), "0 to 1",
+            to_text(landmark.confidence));
+    require(std::isfinite(depth_px), function, (place + ".depth_px").c_str(), "a finite number", to_text(depth_px));
+    const bool is_depth_far = std::abs(depth_px) > max_coordinate_px;
+    throw InvalidArgument(function, (place + (is_depth_far ? ".depth_px" : "")).c_str(),
+                          "at most " + to_text(max_coordinate_px) + " px",
+                          to_text(is_depth_far ? depth_px : largest_px));
 }
 
 /// Landmarks the scheme does not know, of confidence below least_confidence or of infinite noise are not used.
@@ -42,16 +58,7 @@ inline void require_within_reach(double largest_px, const char* function, const 
     LandmarkUse use;
     for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks.landmarks[l];
-        const std::string place = "landmark \"" + landmark.name + "\"";
-        require_finite(landmark.point_px, function, place.c_str());
-        require_within_reach(landmark.point_px.cwiseAbs().maxCoeff(), function, place);
-        require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(),
-                "0 to 1", to_text(landmark.confidence));
-        if (landmark.depth_px) {
-            require(std::isfinite(*landmark.depth_px), function, (place + ".depth_px").c_str(), "a finite number",
-                    to_text(*landmark.depth_px));
-            require_within_reach(std::abs(*landmark.depth_px), function, place + ".depth_px");
-        }
+        require_usable(landmark, function);
         const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
         const int map_index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         use.map_indices.push_back(map_index);
