@@ -1,0 +1,101 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The joint fit on the kernels of every instruction set, against the same fit in plain double precision.
+#include "lineament/fit/joint_fitter.hpp"
+#include "lineament/io/model_file.hpp"
+#include "lineament/kernels/dispatched_kernels.hpp"
+
+#include "support/planted_face.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace lineament {
+namespace {
+
+struct Case
+{
+    const char* name;
+    ContourMode contour;
+    const char* expression_set;
+};
+
+void PrintTo(const Case& given, std::ostream* out)
+{
+    *out << given.name;
+}
+
+class JointKernelsTest : public testing::TestWithParam<Case>
+{
+protected:
+    const MorphableModel model = load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
+
+    [[nodiscard]] JointOptions options() const
+    {
+        JointOptions options;
+        options.contour = GetParam().contour;
+        options.expression_set = GetParam().expression_set;
+        return options;
+    }
+
+    /// Faces turned to either side.
+    [[nodiscard]] std::vector<LandmarkSet> faces() const
+    {
+        Random random(711);
+        std::vector<LandmarkSet> sets;
+        for (int face = 0; face < 6; ++face) {
+            const Eigen::VectorXd alpha = test::random_normal(random, model.shape.num_coefficients());
+            const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
+            sets.push_back(
+                test::project_landmarks(model, "ibug68", alpha, psi, test::random_camera(random, 45), 1.5, random));
+        }
+        return sets;
+    }
+};
+
+TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecision)
+{
+    const JointFitter plain(model, "ibug68", options());
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        const JointFitter fitter(model, "ibug68", options(), set);
+        for (const LandmarkSet& landmarks : faces()) {
+            const JointFitResult expected = plain.fit(landmarks, {320, 240});
+            const JointFitResult result = fitter.fit(landmarks, {320, 240});
+            ASSERT_EQ(result.fit.status, FitStatus::success) << set->name << ": " << result.fit.reason;
+            EXPECT_LT(1000 * test::largest_vertex_distance_mm(model, result.fit, expected.fit), 1) << set->name;
+            EXPECT_NEAR(result.energies.back().energy, expected.energies.back().energy,
+                        1e-6 * std::abs(expected.energies.back().energy))
+                << set->name;
+            const double largest = expected.covariance.cwiseAbs().maxCoeff();
+            EXPECT_LT((result.covariance - expected.covariance).cwiseAbs().maxCoeff(), 1e-4 * largest) << set->name;
+            EXPECT_LT((result.expression_deviations - expected.expression_deviations).cwiseAbs().maxCoeff(), 1e-4)
+                << set->name;
+        }
+    }
+}
+
+TEST_P(JointKernelsTest, ANoiseOfAHundredthMoreIsFarBeyondTheirRounding)
+{
+    JointOptions other = options();
+    other.landmark_sigma_mm *= 1.01;
+    other.contour_sigma_mm *= 1.01;
+    const JointFitter fitter(model, "ibug68", options());
+    const JointFitter moved(model, "ibug68", other);
+    for (const LandmarkSet& landmarks : faces()) {
+        EXPECT_GT(1000 * test::largest_vertex_distance_mm(model, fitter.fit(landmarks, {320, 240}).fit,
+                                                          moved.fit(landmarks, {320, 240}).fit),
+                  3);
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, JointKernelsTest,
+                         testing::Values(Case{"facing", ContourMode::front_facing, "ekman6"},
+                                         Case{"facing_arkit", ContourMode::front_facing, "arkit47"},
+                                         Case{"both", ContourMode::both, "ekman6"},
+                                         Case{"both_arkit", ContourMode::both, "arkit47"}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+} // namespace
+} // namespace lineament
