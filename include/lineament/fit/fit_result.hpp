@@ -19,8 +19,8 @@ enum class FitStatus
     not_converged,           ///< An iteration limit was reached; the estimate is the best found.
     too_few_correspondences, ///< Fewer points than the unknowns need; the estimate is neutral.
     degenerate,              ///< Coincident, collinear or planar points; the estimate is neutral.
-    implausible, ///< A coefficient at its bound, a face that looks away from the camera, or (JointFitter) landmarks
-                 ///< that lie nearly on a line, far from the fitted face, or ever smaller.
+    implausible,             ///< A coefficient or the scale at its bound, a face that looks away from the camera, image
+                             ///< points squeezed about a line, or most landmarks far from the fitted face.
 };
 
 /// The status as it stands in files and messages: "success", "not_converged", ...

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// What FaceFitter and RealtimeFitter say of a fit that has ended.
+// What the fitters say of a fit that has ended.
 #include "lineament/fit/face_fitter.hpp" // before the guard: it includes this file where it is needed
 
 #ifndef LINEAMENT_FIT_FIT_SUMMARY_IMPL_HPP
@@ -11,6 +11,37 @@
 #include <string>
 
 namespace lineament::detail {
+
+/// Farther than this from where the fitted face has it [mm at the face's scale], a landmark is far: a tenth of the
+/// distance between the outer eye corners, past which detections count as failed. The median of 10^4 faces with 3 px of
+/// noise at 100 px between the eyes was at most 4 mm, that of points under permuted names at least 14.
+inline constexpr double far_landmark_mm = 10.0;
+
+/// Where landmarks of more than half of all weight are far, the fit is not of these landmarks, however well it settled.
+class DistanceJudge
+{
+public:
+    explicit DistanceJudge(double scale_px_per_mm) : limit_px_(far_landmark_mm * scale_px_per_mm) {}
+    void add(double weight, double squared_distance_px)
+    {
+        total_ += weight;
+        far_ += squared_distance_px > limit_px_ * limit_px_ ? weight : 0.0;
+    }
+
+    /// A success is implausible where most are far.
+    void judge(FitResult& result) const
+    {
+        if (result.status == FitStatus::success && 2 * far_ > total_) {
+            result.status = FitStatus::implausible;
+            result.reason = "most landmarks lie farther than " + to_text(far_landmark_mm) + " mm from the fitted face";
+        }
+    }
+
+private:
+    double limit_px_;
+    double total_ = 0.0;
+    double far_ = 0.0;
+};
 
 /// A success with expressions at their upper bound is implausible.
 inline void note_held_expressions(int num_held, double upper_bound, FitResult& result)
@@ -38,12 +69,16 @@ inline void sum_up(const FitOptions& options, FitResult& result)
 {
     int num_used = 0;
     double sum = 0;
+    DistanceJudge distances(result.camera.scale_px_per_mm);
     for (const FittedLandmark& landmark : result.landmarks) {
         if (landmark.weight > 0) {
             ++num_used;
-            sum += (landmark.fitted_px - landmark.point_px).squaredNorm();
+            const double squared = (landmark.fitted_px - landmark.point_px).squaredNorm();
+            sum += squared;
+            distances.add(landmark.weight, squared);
         }
     }
+    distances.judge(result);
     result.rms_px = std::sqrt(sum / num_used);
     result.chi_square += options.regularization * result.shape_coefficients.squaredNorm() +
                          (result.expression_coefficients / options.expression_sigma).squaredNorm();

@@ -8,12 +8,12 @@
 #include "lineament/fit/frame_fit_impl.hpp"
 #include "lineament/fit/joint_image.hpp"
 #include "lineament/fit/joint_solver.hpp"
+#include "lineament/fit/joint_start_impl.hpp"
 #include "lineament/fit/pair_moments_impl.hpp"
 #include "lineament/fit/pose_support_impl.hpp"
 #include "lineament/fit/positive_factor_impl.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
@@ -23,12 +23,6 @@
 #include <utility>
 
 namespace lineament::detail {
-
-/// Standard deviations from the fitted face within which half of the landmarks lie, or the fit is implausible. Half of
-/// those of a true face lie within 1.2 where the noise is as stated.
-inline constexpr double max_median_deviations = 4.0;
-/// The shorter over the longer axis of landmarks, the mean face's being 1, below which they lie on a line.
-inline constexpr double min_stretch_ratio = 0.25;
 
 /// The joint fit of images, from first poses to results.
 class JointFit
@@ -63,7 +57,8 @@ private:
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
     [[nodiscard]] FitResult fit_result(std::size_t used_index) const;
     void judge(JointFramesResult& result) const;
-    [[nodiscard]] std::string doubt_about(std::size_t used_index) const;
+    void judge_image(std::size_t used_index, FitResult& fit) const;
+    void withhold_unless_finite(JointFramesResult& result) const;
 
     const FaceFitter& base_;
     const JointOptions& options_;
@@ -118,15 +113,18 @@ inline void JointFit::estimate_pose(Image& image, const Eigen::VectorXd& psi)
     const JointImage fixed = image.matcher.fixed_image();
     const Eigen::Matrix3Xd shape = fixed.points.at(state_.alpha, psi);
     const Eigen::Vector2d principal_point_px = image.camera.principal_point_px;
-    Eigen::VectorXd confidences(shape.cols());
-    for (std::size_t i = 0; i < fixed.used.size(); ++i) {
-        const std::size_t landmark = static_cast<std::size_t>(fixed.used[i].landmark_index);
-        confidences[static_cast<Eigen::Index>(i)] = image.landmarks->landmarks[landmark].confidence;
+    const auto pose_for = [&](const Eigen::VectorXd& weights) {
+        return options_.focal_length_px
+                   ? estimate_pose_perspective(shape, fixed.image_points, *options_.focal_length_px, weights,
+                                               principal_point_px)
+                   : lineament::estimate_pose(shape, fixed.image_points, weights, principal_point_px);
+    };
+    const Eigen::VectorXd weights = image.matcher.start_weights();
+    PoseResult pose = pose_for(weights);
+    if (has_wild_points(pose, shape, fixed.image_points)) {
+        const PoseResult without = pose_for(without_wild_points(shape, fixed.image_points, weights));
+        pose = without.status == FitStatus::success ? without : pose;
     }
-    const PoseResult pose = options_.focal_length_px
-                                ? estimate_pose_perspective(shape, fixed.image_points, *options_.focal_length_px,
-                                                            confidences, principal_point_px)
-                                : lineament::estimate_pose(shape, fixed.image_points, confidences, principal_point_px);
     image.camera = pose.camera;
     if (pose.status != FitStatus::success && pose.status != FitStatus::not_converged) {
         image.status = pose.status;
@@ -342,49 +340,6 @@ inline FitResult JointFit::fit_result(std::size_t f) const
     return result;
 }
 
-/// Of a fit that settled within its bounds, yet is none to believe in: why; otherwise empty.
-inline std::string JointFit::doubt_about(std::size_t f) const
-{
-    const JointImage& seen = problem_.images[f];
-    const Camera& camera = state_.cameras[f];
-    if (looks_away(shown_.cameras[f].camera_from_model)) {
-        return looks_away_reason;
-    }
-    if (std::abs(std::log(camera.scale_px_per_mm / seen.matched_scale)) > max_log_scale - 1e-6) {
-        return "the size of the face ran away: are these the landmarks of a face?";
-    }
-    const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
-    const Eigen::Index num_points = with_bias.cols();
-    std::vector<double> residuals(static_cast<std::size_t>(num_points)); // squared, per dimension
-    Eigen::VectorXd weights(num_points);
-    for (Eigen::Index i = 0; i < num_points; ++i) {
-        const JointPoint& used = seen.used[static_cast<std::size_t>(i)];
-        const double squared = problem_.squared_residual(f, i, state_, with_bias);
-        residuals[static_cast<std::size_t>(i)] = squared / used.num_dimensions;
-        weights[i] = robust_weight(options_.loss, squared, used.num_dimensions) * used.root.squaredNorm();
-    }
-    const auto middle = residuals.begin() + num_points / 2;
-    std::nth_element(residuals.begin(), middle, residuals.end());
-    if (*middle > max_median_deviations * max_median_deviations) {
-        return "half of the landmarks lie more than " + to_text(max_median_deviations) +
-               " standard deviations from the fitted face: are they those of a face, or noisier than stated?";
-    }
-    // How the mean face, turned like the fit, must be stretched to where the landmarks are seen.
-    Eigen::Matrix2Xd from = camera.camera_from_model.topRows<2>() * seen.points.mean;
-    Eigen::Matrix2Xd to = seen.image_points;
-    from.colwise() -= Eigen::Vector2d(from * weights / weights.sum());
-    to.colwise() -= Eigen::Vector2d(to * weights / weights.sum());
-    const Eigen::Matrix2d stretch =
-        to * weights.asDiagonal() * from.transpose() * (from * weights.asDiagonal() * from.transpose()).inverse();
-    const double product = std::abs(stretch.determinant()); // of both axes
-    const double sum = std::sqrt(stretch.squaredNorm() + 2 * product);
-    const double difference = std::sqrt(std::max(stretch.squaredNorm() - 2 * product, 0.0));
-    if (sum - difference < min_stretch_ratio * (sum + difference)) {
-        return "the landmarks lie nearly on a line";
-    }
-    return {};
-}
-
 inline void JointFit::judge(JointFramesResult& result) const
 {
     const auto num_at_bound = (state_.alpha.array().abs() >= options_.max_coefficient).count();
@@ -398,19 +353,77 @@ inline void JointFit::judge(JointFramesResult& result) const
         result.reason = std::to_string(num_at_bound) + " shape coefficients were held at " +
                         to_text(options_.max_coefficient) + " standard deviations";
     }
-    const FitStatus status = result.status; // of what the images share
-    const std::string reason = result.reason;
+    const FitStatus shared_status = result.status;
+    const std::string shared_reason = result.reason;
     for (std::size_t f = 0; f < used_.size(); ++f) {
         FitResult& fit = result.frames[used_[f]].fit;
-        const std::string doubt = doubt_about(f);
-        if (!doubt.empty() && result.status == FitStatus::success) { // it has had its say in the identity
-            result.status = FitStatus::implausible;
-            result.reason = used_.size() > 1 ? "image " + std::to_string(used_[f] + 1) + ": " + doubt : doubt;
+        fit.status = shared_status;
+        fit.reason = shared_reason;
+        judge_image(f, fit);
+        if (fit.status == FitStatus::implausible && result.status != FitStatus::implausible) {
+            result.status = fit.status;
+            result.reason = images_.size() > 1 ? "image " + std::to_string(used_[f] + 1) + " of " +
+                                                     std::to_string(images_.size()) + ": " + fit.reason
+                                               : fit.reason;
         }
-        const bool is_doubted = !doubt.empty() && (status == FitStatus::success || doubt == looks_away_reason);
-        fit.status = is_doubted ? FitStatus::implausible : status;
-        fit.reason = is_doubted ? doubt : reason;
     }
+}
+
+/// What of one image alone makes its fit implausible.
+inline void JointFit::judge_image(std::size_t f, FitResult& fit) const
+{
+    const std::vector<Landmark>& landmarks = images_[used_[f]].landmarks->landmarks;
+    const double change = std::abs(std::log(state_.cameras[f].scale_px_per_mm / matched_scales_[f]));
+    if (looks_away(fit.camera.camera_from_model)) {
+        fit.status = FitStatus::implausible;
+        fit.reason = looks_away_reason;
+    } else if (fit.status == FitStatus::success && change > 0.999 * std::log(max_scale_change)) {
+        fit.status = FitStatus::implausible;
+        fit.reason = "the scale was held at its bound; no face explains these landmarks";
+    } else {
+        DistanceJudge distances(fit.camera.scale_px_per_mm);
+        for (const JointPoint& used : problem_.images[f].used) {
+            const std::size_t l = static_cast<std::size_t>(used.landmark_index);
+            distances.add(landmarks[l].confidence,
+                          (fit.landmarks[l].fitted_px - fit.landmarks[l].point_px).squaredNorm());
+        }
+        distances.judge(fit);
+    }
+}
+
+/// Takes back the fits of a result with a number that is not finite: no unflagged and no unusable number gets out.
+inline void JointFit::withhold_unless_finite(JointFramesResult& result) const
+{
+    bool is_finite = result.shape_covariance.allFinite() && std::isfinite(result.chi_square) &&
+                     state_.alpha.allFinite() && result.landmark_bias_mm.allFinite();
+    for (const std::size_t f : used_) {
+        const JointFitResult& frame = result.frames[f];
+        const Camera& camera = frame.fit.camera;
+        is_finite = is_finite && frame.covariance.allFinite() && frame.expression_deviations.allFinite() &&
+                    camera.camera_from_model.allFinite() && camera.translation_mm.allFinite() &&
+                    std::isfinite(camera.scale_px_per_mm) && std::isfinite(frame.fit.rms_px) &&
+                    std::isfinite(frame.fit.chi_square) && frame.fit.expression_coefficients.allFinite();
+    }
+    if (is_finite) {
+        return;
+    }
+    JointFramesResult neutral;
+    neutral.status = FitStatus::degenerate;
+    neutral.reason = "landmarks or noise of such sizes give no finite fit";
+    neutral.shape_coefficients = Eigen::VectorXd::Zero(state_.alpha.size());
+    neutral.landmark_bias_mm = Eigen::Matrix3Xd::Zero(3, result.landmark_bias_mm.cols());
+    for (const Image& image : images_) {
+        FitResult fit = unfitted_result(image);
+        if (image.status == FitStatus::success) {
+            fit.status = neutral.status;
+            fit.reason = neutral.reason;
+            fit.camera = Camera{};
+            fit.camera.principal_point_px = image.camera.principal_point_px;
+        }
+        fit.shape_coefficients.setZero();
+        neutral.frames.push_back({std::move(fit)});
+    }
+    result = std::move(neutral);
 }
 
 inline JointFramesResult JointFit::result() const
@@ -458,6 +471,7 @@ inline JointFramesResult JointFit::result() const
         frame.energies = progress_.energies;
     }
     judge(result);
+    withhold_unless_finite(result);
     return result;
 }
 

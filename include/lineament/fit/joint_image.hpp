@@ -70,6 +70,10 @@ public:
     /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
     [[nodiscard]] JointImage fixed_image() const;
 
+    /// Of those points, for the first pose: confidence over the variance stated for the landmark, by the caller or by
+    /// the landmark map, or else the options' variance of an inner one; empty where all weigh the same.
+    [[nodiscard]] Eigen::VectorXd start_weights() const;
+
 private:
     [[nodiscard]] std::vector<OutlineMatch> match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
                                                           const Eigen::VectorXd& psi);

@@ -162,6 +162,30 @@ LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image() const
     return image;
 }
 
+LINEAMENT_FIT_INLINE Eigen::VectorXd JointImageMatcher::start_weights() const
+{
+    const Eigen::VectorXf* stated = base_.landmark_noise_mm();
+    Eigen::VectorXd weights(static_cast<Eigen::Index>(use_.fixed.size()));
+    for (std::size_t i = 0; i < use_.fixed.size(); ++i) {
+        const int l = use_.fixed[i];
+        const Landmark& landmark = landmarks_.landmarks[l];
+        const auto named = options_.covariances_mm.find(landmark.name);
+        double variance = std::pow(options_.landmark_sigma_mm, 2) + std::pow(options_.bias_sigma_mm, 2);
+        if (!covariances_px_.empty()) {
+            variance = covariances_px_[l].trace() / 2;
+        } else if (named != options_.covariances_mm.end()) {
+            variance = named->second.trace() / 2;
+        } else if (stated != nullptr) {
+            variance = std::pow((*stated)[use_.map_indices[l]], 2);
+        }
+        weights[static_cast<Eigen::Index>(i)] = landmark.confidence / variance;
+    }
+    if (weights.size() == 0 || weights.minCoeff() == weights.maxCoeff()) {
+        return {};
+    }
+    return weights / weights.maxCoeff();
+}
+
 LINEAMENT_FIT_INLINE std::vector<OutlineMatch>
 JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi)
 {

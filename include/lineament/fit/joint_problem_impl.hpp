@@ -498,11 +498,11 @@ LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::Vec
         down[num_shape()] = -state.phi_per_mm;
     }
     for (std::size_t f = 0; f < images.size(); ++f) {
-        const double log_scale = std::log(state.cameras[f].scale_px_per_mm / images[f].matched_scale);
-        down[own_begin(f) + 3] = -max_log_scale - log_scale;
-        up[own_begin(f) + 3] = max_log_scale - log_scale;
         down.segment(own_begin(f) + 6, num_expressions_) = -state.psi[f];
         up.segment(own_begin(f) + 6, num_expressions_).array() = options_.max_expression - state.psi[f].array();
+        const double log_scale = std::log(state.cameras[f].scale_px_per_mm / images[f].matched_scale);
+        down[own_begin(f) + 3] = -std::log(max_scale_change) - log_scale;
+        up[own_begin(f) + 3] = std::log(max_scale_change) - log_scale;
         if (moves_expressions_only) {
             down.segment<6>(own_begin(f)).setZero();
             up.segment<6>(own_begin(f)).setZero();

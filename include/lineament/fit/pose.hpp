@@ -34,7 +34,8 @@ struct PoseResult
 /// @param weights             N, >= 0; empty: all 1. A pair of weight 0 is absent.
 /// @param principal_point_px  Only splits the image translation t = c + s tau.
 /// @return too_few_correspondences below four pairs of positive weight; degenerate for coincident, collinear or planar
-///         model points or image points on a line; implausible for a face that looks away by more than 100 degrees.
+///         model points or image points on a line; implausible for a face that looks away by more than 100 degrees, or
+///         image points seen less than a quarter as far apart in one direction as in the other, by what the pose says.
 /// @throws InvalidArgument on sizes that disagree, non-finite input or a negative weight.
 /// @par Reference  Bas, Smith, Bolkart and Wuhrer, Fitting a 3D Morphable Model to Edges, ACCV workshops 2016.
 [[nodiscard]] PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,

@@ -98,6 +98,11 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     camera.translation_mm = (translation_px - principal_point_px) / camera.scale_px_per_mm;
     result.rms_px = detail::weighted_rms(camera, points_in_model, image_points, weights);
     detail::judge_facing(result);
+    const Eigen::Matrix2d posed = rotation * moments * rotation.transpose();
+    if (result.status == FitStatus::success && detail::is_squeezed(cross * rotation.transpose() * posed.inverse())) {
+        result.status = FitStatus::implausible;
+        result.reason = detail::squeezed_reason;
+    }
     return result;
 }
 

@@ -7,6 +7,7 @@
 #include "lineament/fit/fit_result.hpp"
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 
 #include <cmath>
 #include <string>
@@ -59,6 +60,23 @@ inline constexpr const char* looks_away_reason =
 [[nodiscard]] inline bool looks_away(const Eigen::Matrix3d& camera_from_model)
 {
     return -camera_from_model(2, 2) < min_facing_cosine;
+}
+
+/// Where the points of the image are seen under a quarter as far apart in one direction as in the other, as the pose
+/// would have them, that is no pose: points about a line, whatever their noise. Of 10^4 faces of 20 to 68 landmarks,
+/// with up to 3 px of noise at 100 px between the outer eye corners, the least was 0.56; lines with that noise have at
+/// most 0.16.
+inline constexpr double min_aspect = 0.25;
+
+inline constexpr const char* squeezed_reason =
+    "the image points are squeezed together in one direction; do they lie about a line?";
+
+/// Whether the least singular value of the map from points as posed to points as seen is below min_aspect times the
+/// largest: for values p >= q of the ratio r = q / p the determinant is r / (1 + r^2) times the sum of squares.
+[[nodiscard]] inline bool is_squeezed(const Eigen::Matrix2d& seen_from_posed)
+{
+    return !(seen_from_posed.determinant() >
+             min_aspect / (1 + min_aspect * min_aspect) * seen_from_posed.squaredNorm());
 }
 
 /// Success, or implausible for a face that looks away. @tparam Result  PoseResult, which includes this file.

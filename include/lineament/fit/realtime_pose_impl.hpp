@@ -159,6 +159,16 @@ inline bool RealtimeFit::estimate_pose_closed_form(const double* moments)
     if (!(scale > 1e-9) || -r3z < min_facing_cosine + 1e-6) {
         return false;
     }
+    const double p11 = variance_along(r1), p22 = variance_along(r2); // of the points as posed
+    const double p12 = r1[0] * (r2[0] * xx + r2[1] * xy + r2[2] * xz) + r1[1] * (r2[0] * xy + r2[1] * yy + r2[2] * yz) +
+                       r1[2] * (r2[0] * xz + r2[1] * yz + r2[2] * zz);
+    Eigen::Matrix2d seen, adjugate;
+    seen << r1[0] * ux + r1[1] * uy + r1[2] * uz, r2[0] * ux + r2[1] * uy + r2[2] * uz,
+        r1[0] * vx + r1[1] * vy + r1[2] * vz, r2[0] * vx + r2[1] * vy + r2[2] * vz;
+    adjugate << p22, -p12, -p12, p11;
+    if (is_squeezed(seen * adjugate)) { // a factor does not matter
+        return false;
+    }
     for (int a = 0; a < 3; ++a) {
         frame_.camera.camera_from_model(0, a) = r1[a];
         frame_.camera.camera_from_model(1, a) = r2[a];
