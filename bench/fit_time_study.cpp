@@ -3,8 +3,9 @@
 //
 // Time of one whole fit with its mesh, by level of the model and number of iterations: FaceFitter, RealtimeFitter,
 // JointFitter; beside a calibration kernel (multiply-adds over 4 MB), so that the ratio of the two can be compared
-// between machines. Both contours, six expressions; 64 planted faces in turn. Prints the rows of fit_study: median and
-// median absolute deviation of the thread's processor time over repetitions in random order.
+// between machines. Both contours, six expressions (JointFitter at full resolution also with the facing contour alone,
+// and with 47); 64 planted faces in turn. Prints the rows of fit_study: median and median absolute deviation of the
+// thread's processor time over repetitions in random order.
 //
 //   fit_time_study [--model FILE] [--repetitions N]
 #include "calibration_kernel.hpp"
@@ -80,17 +81,26 @@ std::vector<Case> make_cases(const MorphableModel& model, const std::vector<Land
                                  }
                              }});
         }
-        const auto joint =
-            std::make_shared<JointFitter>(coarse, "ibug68", JointOptions{}, &kernels::dispatched_kernels());
-        double steps = 0;
-        for (const LandmarkSet& set : sets) {
-            steps += static_cast<double>(joint->fit(set, centre).fit.iterations) / count;
+        const auto add_joint = [&](const std::string& what, const JointOptions& options) {
+            const auto joint = std::make_shared<JointFitter>(coarse, "ibug68", options, &kernels::dispatched_kernels());
+            double steps = 0;
+            for (const LandmarkSet& set : sets) {
+                steps += static_cast<double>(joint->fit(set, centre).fit.iterations) / count;
+            }
+            cases.push_back({"JointFitter" + what + suffix, steps, count, [joint, &sets] {
+                                 for (const LandmarkSet& set : sets) {
+                                     sink += shape_of(joint->model(), joint->fit(set, centre).fit)[0];
+                                 }
+                             }});
+        };
+        add_joint("", JointOptions{});
+        if (level + 1 == static_cast<int>(model.levels.size())) {
+            JointOptions options;
+            options.contour = ContourMode::front_facing;
+            add_joint(" facing contour", options);
+            options.expression_set = "arkit47";
+            add_joint(" facing contour arkit47", options);
         }
-        cases.push_back({"JointFitter" + suffix, steps, count, [joint, &sets] {
-                             for (const LandmarkSet& set : sets) {
-                                 sink += shape_of(joint->model(), joint->fit(set, centre).fit)[0];
-                             }
-                         }});
     }
     return cases;
 }

@@ -81,7 +81,7 @@ def plot_time(tables, folder):
     figure, axes = plt.subplots(figsize=(8.2, 4.2))
     markers = {}
     for series in sorted(lines, key=lambda name: (name.split(",")[0], int("0" + "".join(filter(str.isdigit, name))))):
-        if series == "calibration":
+        if series == "calibration" or "facing" in series:
             continue
         fitter, size = series.split(", ")
         marker = markers.setdefault(size, "ovs"[len(markers) % 3])

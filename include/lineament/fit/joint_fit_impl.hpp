@@ -81,7 +81,7 @@ inline JointFit::JointFit(const FaceFitter& base, const JointOptions& options, c
       problem_(options, prior, base.landmark_points().num_expression_coefficients())
 {
     problem_.kernels = kernels;
-    state_.alpha = prior.matrix.ldlt().solve(prior.vector);
+    state_.alpha = prior_mean(prior);
     const double bound = options.max_coefficient;
     state_.alpha = state_.alpha.cwiseMax(-bound).cwiseMin(bound);
 }

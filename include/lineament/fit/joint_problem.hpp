@@ -81,6 +81,9 @@ struct JointSystem
 /// and falls with the scale, without end. Of 10^4 faces the last round changed none by more than a tenth.
 inline constexpr double max_scale_change = 2.0;
 
+/// mu of a prior of matrix Lambda and vector Lambda mu.
+[[nodiscard]] Eigen::VectorXd prior_mean(const IdentityInformation& prior);
+
 /// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
 [[nodiscard]] double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha);
 
@@ -89,7 +92,8 @@ class JointProblem
 {
 public:
     JointProblem(const JointOptions& options, const IdentityInformation& prior, Eigen::Index num_expressions)
-        : options_(options), prior_(prior), num_expressions_(num_expressions)
+        : options_(options), prior_(prior), is_prior_standard_(prior.matrix.isIdentity(0)),
+          num_expressions_(num_expressions)
     {}
 
     std::vector<JointImage> images = {};
@@ -138,6 +142,12 @@ public:
     /// than those of the matrix.
     [[nodiscard]] bool renew_gradient(const JointState& state, JointSystem& system) const;
 
+    /// tr(R P R^T) of the prior's matrix P.
+    /// @param root          R, n x c.
+    /// @param coefficients  Which of alpha its columns are, c.
+    [[nodiscard]] double prior_trace(const Eigen::Ref<const Eigen::MatrixXd>& root,
+                                     const std::vector<int>& coefficients) const;
+
     /// Unknowns of the system's matrix that move an image, as positions in [shared | own].
     [[nodiscard]] std::vector<int> unknowns_of_image(std::size_t image, const std::vector<int>& unknowns) const;
 
@@ -178,6 +188,7 @@ private:
 
     const JointOptions& options_;
     const IdentityInformation& prior_;
+    bool is_prior_standard_; ///< Its matrix is 1.
     Eigen::Index num_expressions_;
     std::vector<PackedPoints> packed_ = {}; ///< Of each image.
 };

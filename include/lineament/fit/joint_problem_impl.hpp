@@ -19,10 +19,24 @@
 
 namespace lineament::detail {
 
+LINEAMENT_FIT_INLINE Eigen::VectorXd prior_mean(const IdentityInformation& prior)
+{
+    return prior.vector.isZero(0) ? prior.vector : Eigen::VectorXd(prior.matrix.ldlt().solve(prior.vector));
+}
+
 LINEAMENT_FIT_INLINE double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha)
 {
-    const Eigen::VectorXd offset = alpha - prior.matrix.ldlt().solve(prior.vector);
+    const Eigen::VectorXd offset = alpha - prior_mean(prior);
     return offset.dot(prior.matrix * offset);
+}
+
+LINEAMENT_FIT_INLINE double JointProblem::prior_trace(const Eigen::Ref<const Eigen::MatrixXd>& root,
+                                                      const std::vector<int>& coefficients) const
+{
+    if (is_prior_standard_) {
+        return root.squaredNorm();
+    }
+    return (root * prior_.matrix(coefficients, coefficients)).cwiseProduct(root).sum();
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::pack(std::size_t image, Eigen::Index num_kept)

@@ -68,6 +68,13 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
     }
 }
 
+inline void set_scale_strength(JointProblem& problem, std::size_t image, double strength, JointSystem& system)
+{
+    double& scale_strength = problem.images[image].scale_strength;
+    system.gradient[problem.own_begin(image) + 3] += strength - scale_strength;
+    scale_strength = strength;
+}
+
 LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system)
 {
     std::vector<int> linear; // positions among the unknowns
@@ -81,9 +88,18 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
     const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
     const Eigen::MatrixXd root =
         factor.half_solve(block_of(system.hessian, linear), Eigen::MatrixXd::Identity(num_linear, num_linear));
+    const Eigen::Index num_biases = state.bias.cols();
+    if (problem.images.size() == 1 && num_biases == 0) { // Lambda less its prior is all that the image says
+        const auto begin = system.unknowns.begin();
+        const std::vector<int> alpha(
+            begin, std::lower_bound(begin, system.unknowns.end(), static_cast<int>(problem.num_shape())));
+        const Eigen::Index count = static_cast<Eigen::Index>(alpha.size());
+        const double strength = static_cast<double>(count) - problem.prior_trace(root.leftCols(count), alpha);
+        set_scale_strength(problem, 0, strength, system);
+        return;
+    }
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
     inverse(linear, linear) = factor.inverse_from(root);
-    const Eigen::Index num_biases = state.bias.cols();
     Eigen::MatrixXd spread(num_biases > 0 ? size : 0, 3 * num_biases); // - covariance of the unknowns with the biases
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         const Eigen::Matrix3d bias_inverse = system.bias_inverse.middleCols<3>(3 * b);
@@ -111,9 +127,7 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
                 system.image_couplings[f](std::vector<int>(positions.begin(), positions.begin() + shared), Eigen::all);
             strength -= coupling.cwiseProduct(spread.topRows(shared)).sum();
         }
-        double& scale_strength = problem.images[f].scale_strength;
-        system.gradient[problem.own_begin(f) + 3] += strength - scale_strength;
-        scale_strength = strength;
+        set_scale_strength(problem, f, strength, system);
     }
 }
 
