@@ -91,7 +91,7 @@ def plot_time(tables, folder):
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks([1, 2, 3, 5, 10, 20], ["1", "2", "3", "5", "10", "20"])
-    axes.set_yticks([100, 200, 500, 1000, 2000, 5000], ["100", "200", "500", "1000", "2000", "5000"])
+    axes.set_yticks([20, 50, 100, 200, 500, 1000, 2000, 5000], ["20", "50", "100", "200", "500", "1000", "2000", "5000"])
     axes.minorticks_off()
     axes.set_xlabel("iterations (JointFitter: steps taken, mean)")
     axes.set_ylabel("processor time of a fit [µs]")

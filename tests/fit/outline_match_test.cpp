@@ -2,6 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/fit/joint_image.hpp"
 
+#include "lineament/fit/joint_fitter.hpp"
+
+#include "support/planted_face.hpp"
+
 #include <gtest/gtest.h>
 
 namespace lineament {
@@ -32,6 +36,39 @@ TEST(OutlineMatch, IsTheNearestPointOfTheOutlineWithItsNormal)
     ASSERT_TRUE(round.has_value());
     EXPECT_TRUE(round->normal.isZero());
     EXPECT_NEAR(round->distance_px, 1, 1e-12);
+}
+
+/// Of frontal faces with an outline landmark moved 15 mm outwards: how many fits use it.
+int num_using_it(double contour_trim)
+{
+    Random random(171);
+    JointOptions options;
+    options.contour_trim = contour_trim;
+    const JointFitter fitter(test::synthetic_face(), "ibug68", options);
+    int count = 0;
+    for (int trial = 0; trial < 10; ++trial) {
+        Camera camera = test::random_camera(random, 5);
+        LandmarkSet set = test::project_landmarks(test::synthetic_face(), "ibug68", Eigen::VectorXd::Zero(0),
+                                                  Eigen::VectorXd::Zero(0), camera, 0.5, random);
+        Landmark& moved = set.landmarks[3];
+        const Eigen::Vector2d outwards = (moved.point_px - set.landmarks[30].point_px).normalized();
+        moved.point_px += 15 * camera.scale_px_per_mm * outwards;
+        const FitResult fit = fitter.fit(set, camera.principal_point_px).fit;
+        EXPECT_EQ(fit.status, FitStatus::success) << fit.reason;
+        int num_unused = 0;
+        for (const FittedLandmark& landmark : fit.landmarks) {
+            num_unused += landmark.weight == 0;
+        }
+        EXPECT_EQ(num_unused, contour_trim > 0 ? 1 : 0); // one of sixteen
+        count += fit.landmarks[3].weight > 0;
+    }
+    return count;
+}
+
+TEST(OutlineMatch, TheFarthestIsTrimmed)
+{
+    EXPECT_EQ(num_using_it(0.05), 0);
+    EXPECT_EQ(num_using_it(0.0), 10);
 }
 
 } // namespace
