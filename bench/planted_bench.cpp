@@ -9,6 +9,7 @@
 #include "options.hpp"
 #include "planted.hpp"
 
+#include "lineament/fit/identity_filter.hpp"
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/fit/realtime_fitter.hpp"
@@ -20,6 +21,7 @@
 #include <cstdio>
 #include <cstring>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -120,6 +122,22 @@ JointOptions default_noise()
 struct Coverage
 {
     Mean coefficients, coordinates, chi_square;
+
+    void add(const Eigen::VectorXd& alpha, const Eigen::MatrixXd& covariance, const Eigen::VectorXd& truth)
+    {
+        const double z = 1.6448536269514722;
+        const Eigen::VectorXd deviation = covariance.diagonal().cwiseSqrt();
+        coefficients.add(((alpha - truth).array().abs() <= z * deviation.array()).cast<double>().mean());
+        const Eigen::Matrix3Xf spread = vertex_standard_deviations(model(), covariance);
+        const Eigen::VectorXf offset = model().shape.instance(alpha) - model().shape.instance(truth);
+        const Eigen::Map<const Eigen::Matrix3Xf> offsets(offset.data(), 3, model().num_vertices());
+        int inside = 0;
+        for (const int vertex : planted->face_vertices()) {
+            inside += static_cast<int>(
+                (offsets.col(vertex).cwiseAbs().array() <= static_cast<float>(z) * spread.col(vertex).array()).count());
+        }
+        coordinates.add(inside / (3.0 * static_cast<double>(planted->face_vertices().size())));
+    }
 };
 
 Errors run_joint(const std::vector<Subject>& subjects, const JointOptions& options, Coverage* coverage = nullptr)
@@ -134,21 +152,7 @@ Errors run_joint(const std::vector<Subject>& subjects, const JointOptions& optio
         }
         errors.add(result.shape_coefficients, subject.alpha, result.status, mean_ratio(subject.cameras, scales));
         if (coverage != nullptr) {
-            const double z = 1.6448536269514722;
-            const Eigen::VectorXd deviation = result.shape_covariance.diagonal().cwiseSqrt();
-            const Eigen::VectorXd difference = result.shape_coefficients - subject.alpha;
-            coverage->coefficients.add((difference.array().abs() <= z * deviation.array()).cast<double>().mean());
-            const Eigen::Matrix3Xf spread = vertex_standard_deviations(model(), result.shape_covariance);
-            const Eigen::VectorXf offset =
-                model().shape.instance(result.shape_coefficients) - model().shape.instance(subject.alpha);
-            const Eigen::Map<const Eigen::Matrix3Xf> offsets(offset.data(), 3, model().num_vertices());
-            int inside = 0;
-            for (const int vertex : planted->face_vertices()) {
-                inside += static_cast<int>(
-                    (offsets.col(vertex).cwiseAbs().array() <= static_cast<float>(z) * spread.col(vertex).array())
-                        .count());
-            }
-            coverage->coordinates.add(inside / (3.0 * static_cast<double>(planted->face_vertices().size())));
+            coverage->add(result.shape_coefficients, result.shape_covariance, subject.alpha);
             coverage->chi_square.add(result.chi_square / result.degrees_of_freedom);
         }
     }
@@ -288,6 +292,40 @@ void intervals(int num_subjects)
     }
 }
 
+/// Images one by one, each fitted with the earlier ones as prior; beside all of them at once.
+void sequence(int num_subjects)
+{
+    std::printf(
+        "\nImages one by one (IdentityFilter), 2.8 px, noise known\n\n"
+        "| images | error, mm | coefficients inside | vertex coordinates inside |\n| --- | --- | --- | --- |\n");
+    Protocol protocol;
+    protocol.num_images = 50;
+    const JointFitter fitter(model(), "ibug68", known_noise(2.8), &kernels::dispatched_kernels());
+    std::map<std::size_t, Mean> errors;
+    std::map<std::size_t, Coverage> coverages;
+    Mean at_once;
+    for (const Subject& subject : draw_subjects(protocol, num_subjects)) {
+        IdentityFilter filter(fitter.num_shape_coefficients());
+        for (const LandmarkSet& image : subject.images) {
+            const JointFitResult result = fitter.fit(image, centre, nullptr, {}, &filter);
+            filter.add(fitter.identity_information(image, result, filter.num_images()));
+            const std::size_t count = static_cast<std::size_t>(filter.num_images());
+            if (count == 1 || count == 10 || count == 50) {
+                errors[count].add(planted->error_mm(filter.mean(), subject.alpha));
+                coverages[count].add(filter.mean(), filter.covariance(), subject.alpha);
+            }
+        }
+        const std::span<const LandmarkSet> ten = std::span(subject.images).first(10);
+        at_once.add(planted->error_mm(fitter.fit_frames(ten, centre).shape_coefficients, subject.alpha));
+    }
+    for (const auto& [count, coverage] : coverages) {
+        std::printf("| %d | %.3f ± %.3f | %.3f ± %.3f | %.3f ± %.3f |\n", static_cast<int>(count), errors[count].mean(),
+                    errors[count].error(), coverage.coefficients.mean(), coverage.coefficients.error(),
+                    coverage.coordinates.mean(), coverage.coordinates.error());
+    }
+    std::printf("\nTen at once: %.3f ± %.3f mm\n", at_once.mean(), at_once.error());
+}
+
 /// 20 to 68 of the landmarks, yaw within 60 degrees, noise of 0 to 2 px: all of it well posed.
 void statuses(int num_fits)
 {
@@ -349,6 +387,7 @@ int main(int argc, char** argv)
         run("wild", wild_landmarks, num_subjects / 2);
         run("selfie", selfie, num_subjects / 4);
         run("intervals", intervals, num_subjects);
+        run("sequence", sequence, num_subjects / 4);
         run("status", statuses, 50 * num_subjects);
     } catch (const Error& error) {
         std::fprintf(stderr, "planted_bench: error: %s\n", error.what());
