@@ -188,8 +188,8 @@ inline void JointFit::run()
         turn_by_depth(f);
         const double own_scale = matched_scales_[f] / shown_.cameras[f].scale_px_per_mm;
         const double bound = options_.max_expression;
-        shown_.psi[f] =
-            shown_.psi[f].unaryExpr([&](double psi) { return psi < bound ? std::min(own_scale * psi, bound) : bound; });
+        shown_.psi[f] = shown_.psi[f].unaryExpr(
+            [&](double value) { return value < bound ? std::min(own_scale * value, bound) : bound; });
     }
 }
 

@@ -139,7 +139,9 @@ template <typename Read, typename T>
 HWY_INLINE void combine(const float* base, const T* panels, int num_panels, int num_columns, const float* coefficients,
                         float* out)
 {
-    if (num_panels == 1) {
+    if (num_columns == 0) {
+        std::copy_n(base, num_panels * panel_size, out);
+    } else if (num_panels == 1) {
         combine<Read, false>(base, panels, num_panels, num_columns, coefficients, out);
     } else {
         combine<Read, true>(base, panels, num_panels, num_columns, coefficients, out);
@@ -334,9 +336,14 @@ inline void add_rows(const float* rows, int num_rows, int width, const float* fa
     }
 }
 
-/// Columns of the 4 x 4 matrix in rows r0..r3.
+/// Rows of four, one after the other, become columns.
 HWY_INLINE void store_transposed(const float* from, float* to, int step)
 {
+#if HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
+    for (int i = 0; i < 16; ++i) {
+        to[i % 4 * step + i / 4] = from[i];
+    }
+#else
     const hn::CappedTag<float, 4> d;
     const auto r0 = hn::Load(d, from);
     const auto r1 = hn::Load(d, from + 4);
@@ -350,6 +357,7 @@ HWY_INLINE void store_transposed(const float* from, float* to, int step)
     hn::Store(hn::InterleaveUpper(d, even_low, odd_low), d, to + step);
     hn::Store(hn::InterleaveLower(d, even_high, odd_high), d, to + 2 * step);
     hn::Store(hn::InterleaveUpper(d, even_high, odd_high), d, to + 3 * step);
+#endif
 }
 
 /// U row by row in blocks of four, A = U^T D^-1 U with D the diagonal of U: no roots, and the only long chain is one
