@@ -213,6 +213,13 @@ struct Fitters::Implementation
         return thesis_fitters.emplace(kind, FaceFitter(*model, kind.scheme, fit)).first->second;
     }
 
+    /// A result of the thesis's method, with the expressions that its landmarks do not tell.
+    Fitted with_observability(const LandmarkSet& set, FitResult fit)
+    {
+        std::vector<std::string> unobservable = joint(set).unobservable_expressions(set, fit);
+        return {std::move(fit), {}, {}, std::move(unobservable), {}};
+    }
+
     const JointFitter& joint(const LandmarkSet& set)
     {
         const LandmarkKind kind = kind_of(set);
@@ -270,7 +277,8 @@ Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& princip
         return with_evidence(*implementation_->model,
                              implementation_->joint(landmarks).fit(landmarks, principal_point_px));
     }
-    return {implementation_->thesis(landmarks).fit(landmarks, principal_point_px), {}, {}, {}};
+    return implementation_->with_observability(landmarks,
+                                               implementation_->thesis(landmarks).fit(landmarks, principal_point_px));
 }
 
 std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
@@ -287,9 +295,10 @@ std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
             fitted.push_back(with_evidence(*implementation_->model, frame));
         }
     } else {
-        for (const FitResult& frame :
-             fit_frames(implementation_->thesis(representative(pictures)), pictures, origin).frames) {
-            fitted.push_back({frame, {}, {}, {}});
+        const std::vector<FitResult> frames =
+            fit_frames(implementation_->thesis(representative(pictures)), pictures, origin).frames;
+        for (std::size_t i = 0; i < frames.size(); ++i) {
+            fitted.push_back(implementation_->with_observability(pictures[i], frames[i]));
         }
     }
     for (std::size_t i = 0; i < fitted.size(); ++i) {

@@ -238,6 +238,23 @@ TEST(FitOptions, ContourSaysWhatBecomesOfTheOutline)
     EXPECT_GT(num_outline_points_used["both"], num_outline_points_used["front"]);
 }
 
+TEST(FitOptions, EitherMethodNamesTheExpressionsThatCannotBeSeen)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    for (const std::string method : {"joint", "thesis"}) {
+        const auto unobservable = [&](const std::string& set) {
+            const json face = fitted_face(folder, "--landmarks face.json --method " + method + " --expressions " + set);
+            return face["expression"]["unobservable"].get<std::set<std::string>>();
+        };
+        const std::set<std::string> arkit = unobservable("arkit47");
+        EXPECT_EQ(arkit.count("cheekPuff"), 1U) << method; // 68 points see nothing of it
+        EXPECT_EQ(arkit.count("jawOpen"), 0U) << method;
+        EXPECT_TRUE(unobservable("ekman6").empty()) << method;
+        EXPECT_TRUE(unobservable("none").empty()) << method;
+    }
+}
+
 TEST(FitOptions, NoiseAndLossAreThoseOfTheLibrary)
 {
     const test::TemporaryFolder folder;

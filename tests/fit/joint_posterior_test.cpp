@@ -333,6 +333,32 @@ TEST(JointFitter, UnobservableExpressionsAreThoseTheLandmarksHardlySee)
     EXPECT_TRUE(seeing.fit(plant(random, 1, 2.0).images[0], centre).unobservable_expressions.empty());
 }
 
+TEST(UnobservableExpressions, AreToldOfAFitByAnotherMethodToo)
+{
+    Random random(149);
+    MorphableModel dim = synthetic_face();
+    dim.expression_sets[0].offsets.col(1) *= 1e-3f; // moves nothing that can be seen
+    FitOptions options;
+    options.contour = ContourMode::fixed;
+    const LandmarkSet set = plant(random, 1, 2.0).images[0];
+    const FitResult fit = FaceFitter(dim, "ibug68", options).fit(set, centre);
+    ASSERT_EQ(fit.status, FitStatus::success) << fit.reason;
+    const JointFitter joint(dim, "ibug68", given());
+    EXPECT_EQ(joint.unobservable_expressions(set, fit), std::vector<std::string>{dim.expression_sets[0].names[1]});
+    // Of its own fits it says what they say.
+    const JointFitResult own = joint.fit(set, centre);
+    EXPECT_EQ(joint.unobservable_expressions(set, own.fit), own.unobservable_expressions);
+    const JointFitter seeing(synthetic_face(), "ibug68", given());
+    EXPECT_TRUE(
+        seeing.unobservable_expressions(set, FaceFitter(synthetic_face(), "ibug68", options).fit(set, centre)).empty());
+    FitResult neutral = fit;
+    neutral.status = FitStatus::degenerate;
+    EXPECT_TRUE(joint.unobservable_expressions(set, neutral).empty());
+    neutral.shape_coefficients.resize(3);
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)joint.unobservable_expressions(set, neutral); },
+                                              "shape_coefficients"));
+}
+
 TEST(VertexStandardDeviations, AreTheRootsOfTheDiagonalOfTheVertexCovariance)
 {
     Random random(147);

@@ -41,6 +41,9 @@ public:
     /// Of the one image added, linearised at a fit of it, without a prior.
     [[nodiscard]] IdentityInformation identity_information(const JointFitResult& at);
 
+    /// k, of the one image added, at any fit of it: as JointFitResult::expression_deviations.
+    [[nodiscard]] Eigen::VectorXd expression_deviations(const FitResult& at);
+
 private:
     struct Image
     {
@@ -52,6 +55,8 @@ private:
     };
 
     void estimate_pose(Image& image, const Eigen::VectorXd& psi);
+    [[nodiscard]] JointSystem system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+                                        double matched_scale);
     void match();
     void turn_by_depth(std::size_t used_index);
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
@@ -426,6 +431,19 @@ inline void JointFit::withhold_unless_finite(JointFramesResult& result) const
     result = std::move(neutral);
 }
 
+/// Names of the expressions whose deviations are above 0.9 of the prior's.
+[[nodiscard]] inline std::vector<std::string> unobservable_names(const Eigen::VectorXd& deviations,
+                                                                 const std::vector<std::string>& names, double sigma)
+{
+    std::vector<std::string> unobservable;
+    for (std::size_t k = 0; k < names.size(); ++k) {
+        if (deviations[static_cast<Eigen::Index>(k)] > 0.9 * sigma) {
+            unobservable.push_back(names[k]);
+        }
+    }
+    return unobservable;
+}
+
 inline JointFramesResult JointFit::result() const
 {
     JointFramesResult result;
@@ -459,11 +477,8 @@ inline JointFramesResult JointFit::result() const
             covariance.block(begin, 0, num_expressions, num_shape),
             covariance.block(begin, begin, num_expressions, num_expressions);
         frame.expression_deviations = certainty.deviations.segment(begin, num_expressions);
-        for (Eigen::Index k = 0; k < num_expressions; ++k) {
-            if (frame.expression_deviations[k] > 0.9 * options_.expression_sigma) {
-                frame.unobservable_expressions.push_back(frame.fit.expression_names[static_cast<std::size_t>(k)]);
-            }
-        }
+        frame.unobservable_expressions =
+            unobservable_names(frame.expression_deviations, frame.fit.expression_names, options_.expression_sigma);
         frame.minimum_camera = state_.cameras[f];
         frame.minimum_expression = state_.psi[f];
         frame.matched_scale_px_per_mm = matched_scales_[f];
@@ -475,20 +490,36 @@ inline JointFramesResult JointFit::result() const
     return result;
 }
 
-inline IdentityInformation JointFit::identity_information(const JointFitResult& at)
+/// Of the one image, linearised there.
+inline JointSystem JointFit::system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+                                       double matched_scale)
 {
     used_ = {0};
     problem_.images.resize(1);
-    problem_.images[0].scale_strength = at.scale_strength;
-    state_.alpha = at.fit.shape_coefficients;
-    state_.cameras = {at.minimum_camera};
-    state_.psi = {at.minimum_expression};
-    problem_.reference_scale = at.minimum_camera.scale_px_per_mm;
-    state_.phi_per_mm = at.minimum_camera.phi_per_mm;
-    const NoiseSharing noise{at.matched_scale_px_per_mm, 1, num_before_, false};
-    images_[0].matcher.match(state_.cameras[0], state_.alpha, state_.psi[0], noise, problem_.images[0]);
+    state_.alpha = alpha;
+    state_.cameras = {camera};
+    state_.psi = {psi};
+    problem_.reference_scale = camera.scale_px_per_mm;
+    state_.phi_per_mm = camera.phi_per_mm;
+    const NoiseSharing noise{matched_scale, 1, num_before_, false};
+    images_[0].matcher.match(camera, alpha, psi, noise, problem_.images[0]);
+    problem_.pack(0, 0);
+    return problem_.linearize(state_);
+}
 
-    const JointSystem system = problem_.linearize(state_);
+inline Eigen::VectorXd JointFit::expression_deviations(const FitResult& at)
+{
+    const Eigen::VectorXd psi = state_.psi[0]; // within its bounds
+    const JointSystem system = system_at(at.camera, at.shape_coefficients, psi, at.camera.scale_px_per_mm);
+    return certainty_of(problem_, state_, system).deviations.segment(problem_.own_begin(0) + 6, psi.size());
+}
+
+inline IdentityInformation JointFit::identity_information(const JointFitResult& at)
+{
+    problem_.images.resize(1);
+    problem_.images[0].scale_strength = at.scale_strength;
+    const JointSystem system =
+        system_at(at.minimum_camera, at.fit.shape_coefficients, at.minimum_expression, at.matched_scale_px_per_mm);
     const Eigen::MatrixXd hessian = system.hessian.selfadjointView<Eigen::Lower>();
     std::vector<int> others = problem_.free_unknowns(state_, system.gradient); // camera and free expressions
     const int num_shape = static_cast<int>(problem_.num_shape());

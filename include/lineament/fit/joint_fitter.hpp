@@ -150,6 +150,12 @@ public:
                                                            int num_earlier = 0,
                                                            std::span<const Eigen::Matrix2d> covariances_px = {}) const;
 
+    /// Names of the expressions that these landmarks tell next to nothing of at a fit of them, whichever fitter made
+    /// it: as JointFitResult::unobservable_expressions. None without a usable pose.
+    /// @throws InvalidArgument as fit, and if `at` has other numbers of coefficients.
+    [[nodiscard]] std::vector<std::string> unobservable_expressions(const LandmarkSet& landmarks,
+                                                                    const FitResult& at) const;
+
     [[nodiscard]] const MorphableModel& model() const { return base_.model(); }
     [[nodiscard]] const std::string& scheme() const { return base_.scheme(); }
     [[nodiscard]] const JointOptions& options() const { return options_; }

@@ -115,6 +115,20 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
     return fit.identity_information(at);
 }
 
+LINEAMENT_FIT_INLINE std::vector<std::string> JointFitter::unobservable_expressions(const LandmarkSet& landmarks,
+                                                                                    const FitResult& at) const
+{
+    const IdentityFilter none(num_shape_coefficients());
+    detail::JointFit fit(base_, options_, none.state(), 0, kernels_);
+    fit.add_image(landmarks, at.camera.principal_point_px, &at, {});
+    const Blendshapes* expressions = base_.expressions();
+    if (expressions == nullptr || at.status == FitStatus::degenerate ||
+        at.status == FitStatus::too_few_correspondences) {
+        return {};
+    }
+    return detail::unobservable_names(fit.expression_deviations(at), expressions->names, options_.expression_sigma);
+}
+
 namespace detail {
 
 /// Square roots of the diagonal of B C B^T, for a row-stacked B (3V x n) and covariance C.
