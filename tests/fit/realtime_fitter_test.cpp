@@ -283,6 +283,50 @@ TEST(RealtimeFitter, AgreesWithFaceFitterOnPointsWithDepth)
     }
 }
 
+TEST(RealtimeFitter, AFitDoesNotDependOnTheLandmarksBefore)
+{
+    const RealtimeFitter fitter(face_model(), "ibug68", with_contour(ContourMode::front_facing));
+    RealtimeWorkspace used = fitter.make_workspace();
+    Random random(331);
+    const Eigen::Vector2d centre(320, 240);
+    std::vector<LandmarkSet> sets(8);
+    for (LandmarkSet& set : sets) {
+        set = plant(face_model(), random).landmarks;
+    }
+    sets[1].landmarks[30].confidence = 0.5;
+    sets[2].landmarks.erase(sets[2].landmarks.begin() + 40);
+    std::swap(sets[3].landmarks[20], sets[3].landmarks[50]);
+    sets[4].landmarks[33].depth_px = 5.0;
+    sets[5].landmarks[3].name = "no such landmark";
+    sets[6].landmarks[5].confidence = 0;
+    for (int pair = 0; pair < 64; ++pair) { // each after each
+        for (const std::size_t which : {static_cast<std::size_t>(pair / 8), static_cast<std::size_t>(pair % 8)}) {
+            RealtimeWorkspace fresh = fitter.make_workspace();
+            FitResult result, expected;
+            fitter.fit(sets[which], centre, used, result);
+            fitter.fit(sets[which], centre, fresh, expected);
+            EXPECT_EQ(numbers_of(result), numbers_of(expected)) << pair;
+            EXPECT_EQ(result.status, expected.status) << pair;
+        }
+    }
+    LandmarkSet moved = sets[0]; // its places are read anew
+    for (Landmark& landmark : moved.landmarks) {
+        landmark.point_px.x() += 10;
+    }
+    FitResult first, second;
+    fitter.fit(sets[0], centre, used, first);
+    fitter.fit(moved, centre, used, second);
+    EXPECT_NEAR((second.camera.translation_mm - first.camera.translation_mm).x() * first.camera.scale_px_per_mm, 10,
+                1e-3);
+    LandmarkSet broken = sets[0];
+    broken.landmarks[60].point_px.y() = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_TRUE(test::throws<InvalidArgument>([&] { fitter.fit(broken, centre, used, first); }, "landmark"));
+    fitter.fit(sets[0], centre, used, second);
+    RealtimeWorkspace fresh = fitter.make_workspace();
+    fitter.fit(sets[0], centre, fresh, first);
+    EXPECT_EQ(numbers_of(first), numbers_of(second));
+}
+
 TEST(RealtimeFitter, FollowsAFaceFromItsOwnLastResult)
 {
     Random random(76);

@@ -200,6 +200,8 @@ public:
     void clear() { count_ = 0; }
     void add(const OutlineLandmark& landmark) { landmarks_[count_++] = landmark; } ///< At most max_count.
     [[nodiscard]] int count() const { return count_; }
+    [[nodiscard]] OutlineLandmark* begin() { return landmarks_.data(); }
+    [[nodiscard]] OutlineLandmark* end() { return landmarks_.data() + count_; }
     [[nodiscard]] const OutlineLandmark* begin() const { return landmarks_.data(); }
     [[nodiscard]] const OutlineLandmark* end() const { return landmarks_.data() + count_; }
 
@@ -211,8 +213,9 @@ private:
 /// What the fit of one image keeps from step to step, beside the identity.
 struct RealtimeFrame
 {
-    std::vector<int> landmark_of_fixed = {};          ///< -1: not seen.
-    std::vector<int> map_indices = {};                ///< Of each landmark given.
+    std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
+    std::vector<int> map_indices = {};       ///< Of each landmark given.
+    bool is_plain = false; ///< The landmarks were the map's, in its order, seen for certain and without depth.
     AlignedBuffer<double> fixed_u = {}, fixed_v = {}; ///< [px], from the principal point.
     AlignedBuffer<double> fixed_information = {};     ///< Weight before scale; 0: not seen.
     std::vector<std::optional<double>> fixed_depth_px = {};

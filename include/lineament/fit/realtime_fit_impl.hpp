@@ -44,6 +44,7 @@ public:
 
 private:
     [[nodiscard]] bool read_landmarks();
+    [[nodiscard]] bool read_places();
     [[nodiscard]] bool read_expressions(const FitResult* start);
     [[nodiscard]] bool read_identity(const FitResult* start);
 
@@ -118,6 +119,38 @@ private:
     return true;
 }
 
+/// After plain landmarks, plain ones again: only their places are new. False, with nothing changed, for others.
+inline bool RealtimeFit::read_places()
+{
+    const std::vector<Landmark>& landmarks = landmarks_.landmarks;
+    const std::vector<std::string>& names = fitter_.reference_.landmark_map().names;
+    if (!frame_.is_plain || landmarks.size() != names.size()) {
+        return false;
+    }
+    for (std::size_t l = 0; l < names.size(); ++l) {
+        const Landmark& landmark = landmarks[l];
+        if (!is_same_name(landmark.name, names[l]) || landmark.confidence != 1 || landmark.depth_px ||
+            !(std::abs(landmark.point_px.x()) <= max_coordinate_px) ||
+            !(std::abs(landmark.point_px.y()) <= max_coordinate_px)) {
+            return false;
+        }
+    }
+    const Eigen::Vector2d principal_point_px = frame_.camera.principal_point_px;
+    for (int f = 0; f < pack_.fixed.num_points; ++f) {
+        const Eigen::Vector2d point = landmarks[frame_.landmark_of_fixed[f]].point_px - principal_point_px;
+        frame_.fixed_u[f] = point.x();
+        frame_.fixed_v[f] = point.y();
+    }
+    for (OutlineLandmarks& outline : frame_.outline) {
+        for (OutlineLandmark& landmark : outline) {
+            const Eigen::Vector2d point = landmarks[landmark.landmark_index].point_px - principal_point_px;
+            landmark.u = point.x();
+            landmark.v = point.y();
+        }
+    }
+    return true;
+}
+
 inline bool RealtimeFit::read_landmarks()
 {
     const FaceFitter& reference = fitter_.reference_;
@@ -125,11 +158,16 @@ inline bool RealtimeFit::read_landmarks()
     if (!principal_point_px.allFinite() || landmarks_.scheme != reference.scheme()) {
         return false;
     }
+    if (read_places()) {
+        return true;
+    }
     const LandmarkMap& map = reference.landmark_map();
     const std::size_t num_names = map.names.size();
     const std::size_t count = landmarks_.landmarks.size();
     int num_fixed_seen = 0;
+    bool is_plain = count == num_names;
     bool is_certain = true;
+    frame_.is_plain = false;
     frame_.has_outline = false;
     frame_.has_depth = false;
     std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
@@ -149,6 +187,7 @@ inline bool RealtimeFit::read_landmarks()
         const bool is_in_order = l < num_names && is_same_name(map.names[l], landmark.name);
         const int index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         frame_.map_indices[l] = index;
+        is_plain = is_plain && is_in_order && confidence == 1 && !landmark.depth_px;
         if (confidence < least_confidence) {
             continue;
         }
@@ -185,6 +224,7 @@ inline bool RealtimeFit::read_landmarks()
     }
     frame_.num_fixed_seen = num_fixed_seen;
     frame_.is_nominal = is_certain && num_fixed_seen == pack_.fixed.num_points;
+    frame_.is_plain = is_plain;
     return true;
 }
 

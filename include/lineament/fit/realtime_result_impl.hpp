@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace lineament::detail {
 
@@ -46,14 +47,16 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         const double x = point[0], y = point[1], z = point[2];
         return Eigen::Vector2d(m[0] * x + m[1] * y + m[2] * z + m[3], m[4] * x + m[5] * y + m[6] * z + m[7]);
     };
-    double largest_weight = std::numeric_limits<double>::min();
-    for (int i = 0; i < pack_.fixed.num_points; ++i) {
-        largest_weight = std::max(largest_weight, fixed_weight(i));
+    const std::size_t num_matches = frame_.matches.size();
+    double largest_information = std::numeric_limits<double>::min();
+    for (const auto& [information, count] : {std::pair(&frame_.fixed_information, pack_.fixed.num_points),
+                                             std::pair(&frame_.match_information, static_cast<int>(num_matches))}) {
+        if (count > 0) {
+            largest_information =
+                std::max(largest_information, Eigen::Map<const Eigen::VectorXd>(information->data(), count).maxCoeff());
+        }
     }
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        largest_weight = std::max(largest_weight, frame_.scale_factor * frame_.match_information[i]);
-    }
-    double chi_square = 0;
+    const double largest_weight = frame_.scale_factor * largest_information;
     const std::size_t count = landmarks_.landmarks.size();
     result.landmarks.resize(count);
     for (std::size_t l = 0; l < count; ++l) {
@@ -64,35 +67,37 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
         }
         fitted.point_px = landmark.point_px;
         fitted.weight = 0;
-        const int index = frame_.map_indices[l];
-        if (index < 0) {
-            fitted.fitted_px = landmark.point_px;
-            continue;
-        }
-        const MapEntry& entry = pack_.map[index];
-        if (entry.fixed_index < 0) {
-            continue; // a match, or see below
-        }
-        const Eigen::Vector2d seen = project(work_.fixed.data() + 3 * entry.fixed_index);
-        fitted.fitted_px = seen;
-        if (frame_.landmark_of_fixed[entry.fixed_index] == static_cast<int>(l)) {
-            add_used_point(seen, fixed_weight(entry.fixed_index), largest_weight, fitted, chi_square);
+    }
+    double chi_square = 0;
+    for (int f = 0; f < pack_.fixed.num_points; ++f) {
+        const int landmark = frame_.landmark_of_fixed[f];
+        if (landmark >= 0) {
+            add_used_point(project(work_.fixed.data() + 3 * f), fixed_weight(f), largest_weight,
+                           result.landmarks[landmark], chi_square);
         }
     }
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
+    for (std::size_t i = 0; i < num_matches; ++i) {
         add_used_point(project(work_.match_positions.data() + 3 * i), frame_.scale_factor * frame_.match_information[i],
                        largest_weight, result.landmarks[frame_.matches[i].landmark_index], chi_square);
     }
     result.chi_square = chi_square;
-    bool is_evaluated = false;
-    for (std::size_t l = 0; l < count; ++l) { // those that found no match
+    bool is_rest_known = false;
+    for (std::size_t l = 0; l < count; ++l) {
+        FittedLandmark& fitted = result.landmarks[l];
+        if (fitted.weight != 0) {
+            continue;
+        }
         const int index = frame_.map_indices[l];
-        if (index >= 0 && pack_.map[index].rest_index >= 0 && result.landmarks[l].weight == 0) {
-            if (!is_evaluated) {
+        if (index < 0) {
+            fitted.fitted_px = fitted.point_px;
+        } else if (pack_.map[index].fixed_index >= 0) {
+            fitted.fitted_px = project(work_.fixed.data() + 3 * pack_.map[index].fixed_index);
+        } else {
+            if (!is_rest_known) {
                 evaluate(PointSet::rest, work_.rest);
-                is_evaluated = true;
+                is_rest_known = true;
             }
-            result.landmarks[l].fitted_px = project(work_.rest.data() + 3 * pack_.map[index].rest_index);
+            fitted.fitted_px = project(work_.rest.data() + 3 * pack_.map[index].rest_index);
         }
     }
     sum_up(options, result);
