@@ -134,14 +134,14 @@ HWY_INLINE void combine(const float* base, const T* panels, int num_panels, int 
     }
 }
 
-/// A single panel is one of a batch of faces, whose columns lie in the nearest cache.
+/// A single panel is one of a batch of faces; its columns, and few ones, lie in the nearest cache.
 template <typename Read, typename T>
 HWY_INLINE void combine(const float* base, const T* panels, int num_panels, int num_columns, const float* coefficients,
                         float* out)
 {
     if (num_columns == 0) {
         std::copy_n(base, num_panels * panel_size, out);
-    } else if (num_panels == 1) {
+    } else if (num_panels == 1 || num_panels * num_columns <= 32) {
         combine<Read, false>(base, panels, num_panels, num_columns, coefficients, out);
     } else {
         combine<Read, true>(base, panels, num_panels, num_columns, coefficients, out);
