@@ -381,6 +381,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
     const int shape_size = static_cast<int>(num_shape()), shared = static_cast<int>(num_shared());
     const int size = static_cast<int>(unknowns.size());
     std::vector<int> columns;
+    columns.reserve(unknowns.size());
     for (const int unknown : unknowns) {
         columns.push_back(unknown < shape_size   ? unknown
                           : unknown < shared     ? shape_width + 6
