@@ -21,9 +21,7 @@
 #endif
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
-#include <limits>
 
 HWY_BEFORE_NAMESPACE();
 namespace lineament::kernels::HWY_NAMESPACE {
@@ -510,99 +508,6 @@ inline void transform_points(const float* points, int step, int count, const flo
             hn::Store(hn::Add(hn::MulAdd(mz, z, hn::MulAdd(my, y, hn::Mul(mx, x))), mw), d, out + i);
         }
     }
-}
-
-inline void add_pose_moments(const float* points, const double* seen_u, const double* seen_v, const double* weights,
-                             int count, double* moments)
-{
-    using Doubles = hn::CappedTag<double, 8>;
-    using V = hn::Vec<Doubles>;
-    const Doubles d;
-    const hn::Rebind<float, Doubles> narrow;
-    const V zero = hn::Zero(d);
-    V w1 = zero, wx = zero, wy = zero, wz = zero, wu = zero, wv = zero, xx = zero, xy = zero, xz = zero;
-    V yy = zero, yz = zero, zz = zero, ux = zero, uy = zero, uz = zero, vx = zero, vy = zero, vz = zero;
-    for (int i = 0; i < count; i += static_cast<int>(hn::MaxLanes(d))) {
-        hn::Vec<decltype(narrow)> px, py, pz;
-        hn::LoadInterleaved3(narrow, points + 3 * i, px, py, pz);
-        const V x = hn::PromoteTo(d, px), y = hn::PromoteTo(d, py), z = hn::PromoteTo(d, pz);
-        const V w = hn::Load(d, weights + i);
-        const V u = hn::Mul(w, hn::Load(d, seen_u + i));
-        const V v = hn::Mul(w, hn::Load(d, seen_v + i));
-        const V a = hn::Mul(w, x);
-        const V b = hn::Mul(w, y);
-        const V c = hn::Mul(w, z);
-        w1 = hn::Add(w1, w);
-        wx = hn::Add(wx, a);
-        wy = hn::Add(wy, b);
-        wz = hn::Add(wz, c);
-        wu = hn::Add(wu, u);
-        wv = hn::Add(wv, v);
-        xx = hn::MulAdd(a, x, xx);
-        xy = hn::MulAdd(a, y, xy);
-        xz = hn::MulAdd(a, z, xz);
-        yy = hn::MulAdd(b, y, yy);
-        yz = hn::MulAdd(b, z, yz);
-        zz = hn::MulAdd(c, z, zz);
-        ux = hn::MulAdd(u, x, ux);
-        uy = hn::MulAdd(u, y, uy);
-        uz = hn::MulAdd(u, z, uz);
-        vx = hn::MulAdd(v, x, vx);
-        vy = hn::MulAdd(v, y, vy);
-        vz = hn::MulAdd(v, z, vz);
-    }
-    const V sums[num_pose_moments] = {w1, wx, wy, wz, wu, wv, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz};
-    for (int t = 0; t < num_pose_moments; ++t) {
-        moments[t] += hn::GetLane(hn::SumOfLanes(d, sums[t]));
-    }
-}
-
-inline void residual_factors(const float* points, const double* u, const double* v, const double* w, double scale,
-                             int count, const double* m, float* factors)
-{
-    const hn::CappedTag<double, 8> d;
-    const hn::Rebind<float, decltype(d)> narrow;
-    using V = hn::Vec<decltype(d)>;
-    const V ax = hn::Set(d, m[0]), ay = hn::Set(d, m[1]), az = hn::Set(d, m[2]), a0 = hn::Set(d, m[3]);
-    const V factor = hn::Set(d, scale);
-    const V bx = hn::Set(d, m[4]), by = hn::Set(d, m[5]), bz = hn::Set(d, m[6]), b0 = hn::Set(d, m[7]);
-    for (int i = 0; i < count; i += static_cast<int>(hn::MaxLanes(d))) {
-        hn::Vec<decltype(narrow)> px, py, pz;
-        hn::LoadInterleaved3(narrow, points + 3 * i, px, py, pz);
-        const V x = hn::PromoteTo(d, px), y = hn::PromoteTo(d, py), z = hn::PromoteTo(d, pz);
-        const V seen_u = hn::MulAdd(az, z, hn::MulAdd(ay, y, hn::MulAdd(ax, x, a0)));
-        const V seen_v = hn::MulAdd(bz, z, hn::MulAdd(by, y, hn::MulAdd(bx, x, b0)));
-        const V weight = hn::Mul(factor, hn::Load(d, w + i));
-        const V du = hn::Mul(weight, hn::Sub(hn::Load(d, u + i), seen_u));
-        const V dv = hn::Mul(weight, hn::Sub(hn::Load(d, v + i), seen_v));
-        hn::StoreInterleaved3(hn::DemoteTo(narrow, hn::MulAdd(ax, du, hn::Mul(bx, dv))),
-                              hn::DemoteTo(narrow, hn::MulAdd(ay, du, hn::Mul(by, dv))),
-                              hn::DemoteTo(narrow, hn::MulAdd(az, du, hn::Mul(bz, dv))), narrow, factors + 3 * i);
-    }
-}
-
-inline int nearest_point(const double* u, const double* v, int count, double to_u, double to_v, double* squared)
-{
-    const hn::CappedTag<double, 8> d;
-    const int step = static_cast<int>(hn::MaxLanes(d));
-    const auto centre_u = hn::Set(d, to_u);
-    const auto centre_v = hn::Set(d, to_v);
-    auto least = hn::Set(d, std::numeric_limits<double>::infinity());
-    for (int i = 0; i < count; i += step) {
-        const auto du = hn::Sub(hn::Load(d, u + i), centre_u);
-        const auto dv = hn::Sub(hn::Load(d, v + i), centre_v);
-        const auto distance = hn::Add(hn::Mul(du, du), hn::Mul(dv, dv));
-        hn::Store(distance, d, squared + i);
-        least = hn::Min(least, distance);
-    }
-    least = hn::MinOfLanes(d, least);
-    for (int i = 0; i < count; i += step) {
-        const std::intptr_t found = hn::FindFirstTrue(d, hn::Eq(hn::Load(d, squared + i), least));
-        if (found >= 0) {
-            return i + static_cast<int>(found);
-        }
-    }
-    return 0;
 }
 
 /// This instruction set's kernels; without vectors the plain ones, which the compiler knows better.
