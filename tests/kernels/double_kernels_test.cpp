@@ -122,6 +122,16 @@ TEST_P(DoubleKernelsTest, FactorsAndSolves)
         EXPECT_THAT(Eigen::MatrixXd(in_place.middleCols(n, num_more)),
                     IsNear(Eigen::MatrixXd(cholesky.matrixL().solve(more)), 1e-12 * n));
         EXPECT_THAT(Eigen::VectorXd(Eigen::Map<Eigen::VectorXd>(x.data(), n)), IsNear(expected, 1e-10)) << n;
+        for (const int leading : {n, (n + 1) / 2}) {
+            const int inverse_width = round_up(leading, double_step);
+            AlignedBuffer<double> inverse = random_doubles(random, static_cast<std::size_t>(leading) * inverse_width);
+            kernels.invert_factor(system.data(), leading, width, inverse.data(), inverse_width);
+            const Eigen::MatrixXd all = matrix_of(inverse, leading, inverse_width);
+            const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(leading, inverse_width);
+            EXPECT_THAT(Eigen::MatrixXd(u.topLeftCorner(leading, leading).transpose() * all), IsNear(identity, 1e-11))
+                << n << " " << leading;
+            EXPECT_EQ(Eigen::MatrixXd(all.triangularView<Eigen::StrictlyUpper>()).norm(), 0);
+        }
         EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-12);
     }
 }

@@ -250,7 +250,7 @@ struct JointCertainty
     Eigen::VectorXd deviations = {}; ///< K, standard deviations, each as if it were free.
 };
 
-/// With H = U^T U that of the free unknowns F, R = U^-T: C = R^T R, and 1 / (H_kk - |R H_Fk|^2) is the variance of an
+/// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
 /// unknown k that is held.
 /// @param system  With the matrix of all unknowns.
 [[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
@@ -261,21 +261,21 @@ struct JointCertainty
     std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
                         std::back_inserter(held));
     const Eigen::Index num_free = static_cast<Eigen::Index>(free.size());
-    Eigen::MatrixXd beside = Eigen::MatrixXd::Identity(num_free, system.hessian.rows()); // 1, then H_Fk of each k
+    Eigen::MatrixXd beside(num_free, held.size()); // H_Fk of each k
     for (std::size_t k = 0; k < held.size(); ++k) {
         for (Eigen::Index i = 0; i < num_free; ++i) {
-            beside(i, num_free + static_cast<Eigen::Index>(k)) =
+            beside(i, static_cast<Eigen::Index>(k)) =
                 system.hessian(std::max(free[i], held[k]), std::min(free[i], held[k]));
         }
     }
     PositiveFactor factor(problem.kernels);
-    const Eigen::MatrixXd solved = factor.half_solve(block_of(system.hessian, free), beside);
+    const Eigen::MatrixXd solved = factor.factor_and_half_solve(block_of(system.hessian, free), beside);
     JointCertainty certainty;
     certainty.covariance = Eigen::MatrixXd::Zero(system.hessian.rows(), system.hessian.rows());
-    certainty.covariance(free, free) = factor.inverse_from(solved.leftCols(num_free));
+    certainty.covariance(free, free) = factor.inverse(num_free);
     certainty.deviations = certainty.covariance.diagonal().cwiseSqrt();
     for (std::size_t k = 0; k < held.size(); ++k) {
-        const double explained = solved.col(num_free + static_cast<Eigen::Index>(k)).squaredNorm();
+        const double explained = solved.col(static_cast<Eigen::Index>(k)).squaredNorm();
         certainty.deviations[held[k]] = 1 / std::sqrt(system.hessian(held[k], held[k]) - explained);
     }
     return certainty;
@@ -471,7 +471,7 @@ inline JointFramesResult JointFit::result() const
         JointFitResult& frame = result.frames[used_[f]];
         frame.fit = fit_result(f);
         result.degrees_of_freedom += frame.fit.degrees_of_freedom;
-        const Eigen::Index begin = problem_.own_begin(f) + 6;
+        const Eigen::Index begin = problem_.own_begin(f);
         frame.covariance.resize(num_shape + num_expressions, num_shape + num_expressions);
         frame.covariance << result.shape_covariance, covariance.block(0, begin, num_shape, num_expressions),
             covariance.block(begin, 0, num_expressions, num_shape),
@@ -511,7 +511,7 @@ inline Eigen::VectorXd JointFit::expression_deviations(const FitResult& at)
 {
     const Eigen::VectorXd psi = state_.psi[0]; // within its bounds
     const JointSystem system = system_at(at.camera, at.shape_coefficients, psi, at.camera.scale_px_per_mm);
-    return certainty_of(problem_, state_, system).deviations.segment(problem_.own_begin(0) + 6, psi.size());
+    return certainty_of(problem_, state_, system).deviations.segment(problem_.own_begin(0), psi.size());
 }
 
 inline IdentityInformation JointFit::identity_information(const JointFitResult& at)

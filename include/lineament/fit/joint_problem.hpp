@@ -7,6 +7,7 @@
 
 #include "lineament/fit/packed_points_impl.hpp"
 #include "lineament/fit/pose.hpp"
+#include "lineament/fit/positive_factor_impl.hpp"
 #include "lineament/kernels/kernels.hpp"
 
 #include <Eigen/Core>
@@ -45,6 +46,15 @@ struct JointState
     Eigen::Matrix3Xd bias = {};            ///< 3 x L, mm at scale s_0, or empty.
 };
 
+/// The model points of an image at a state (3 x N) [mm].
+struct PlacedPoints
+{
+    Eigen::Matrix3Xd offsets = {}; ///< What expression and bias add.
+    Eigen::Matrix3Xd points = {};  ///< With them.
+
+    AlignedBuffer<double> padded = {}; ///< Kept for its room.
+};
+
 /// What a point says of the unknowns that move it, times the roots of its weight and curvature.
 struct PointTerm
 {
@@ -55,7 +65,7 @@ struct PointTerm
 };
 
 /// Half the gradient of the energy and half its Gauss-Newton matrix, landmark biases eliminated. The unknowns are
-/// [alpha | phi, where unknown | for each image: turn 3, log s, tau 2, psi].
+/// [alpha | phi, where unknown | for each image: psi, turn 3, log s, tau 2].
 struct JointSystem
 {
     std::vector<int> unknowns = {}; ///< Those that the matrix is of, n of K, ascending.
@@ -63,8 +73,8 @@ struct JointSystem
     Eigen::VectorXd gradient = {};  ///< K.
 
     // Needed for the scale term and to recover the biases:
-    std::vector<Eigen::MatrixXd> image_grams = {};     ///< J^T W J of the unknowns that move an image, priors left out;
-                                                       ///< lower triangle.
+    std::vector<Eigen::MatrixXd> image_grams = {};     ///< Of several images or with biases: J^T W J of the unknowns
+                                                       ///< that move each, priors left out; lower triangle.
     std::vector<Eigen::MatrixXd> image_couplings = {}; ///< With the biases, each image's own part, x 3L.
     Eigen::MatrixXd bias_blocks = {};                  ///< 3 x 3L, the biases' own blocks, priors left out.
     Eigen::MatrixXd bias_coupling = {};                ///< K x 3L.
@@ -73,7 +83,8 @@ struct JointSystem
 
     // Kept for their room:
     std::vector<std::vector<PointTerm>> terms = {}; ///< Of each image.
-    AlignedBuffer<float> rows = {}, gram = {};
+    AlignedBuffer<float> rows = {}, moved = {}, gram = {};
+    std::vector<int> columns = {};
     AlignedBuffer<double> factors = {}, sums = {};
 };
 
@@ -114,13 +125,18 @@ public:
     {
         return num_shared() + num_own() * static_cast<Eigen::Index>(image);
     }
+    [[nodiscard]] Eigen::Index camera_begin(std::size_t image) const { return own_begin(image) + num_expressions_; }
     [[nodiscard]] bool is_camera(Eigen::Index unknown) const
     {
-        return unknown >= num_shape() && (unknown < num_shared() || (unknown - num_shared()) % num_own() < 6);
+        return unknown >= num_shape() &&
+               (unknown < num_shared() || (unknown - num_shared()) % num_own() >= num_expressions_);
     }
 
+    /// The points of every image.
+    void place(const JointState& state, std::vector<PlacedPoints>& placed) const;
+
     /// Infinite where a point lies too near the camera's plane.
-    [[nodiscard]] double energy(const JointState& state) const;
+    [[nodiscard]] double energy(const JointState& state, const std::vector<PlacedPoints>& placed) const;
 
     /// Weighted squares of residuals and priors, without robust loss and scale term.
     [[nodiscard]] double chi_square(const JointState& state) const;
@@ -136,16 +152,17 @@ public:
     [[nodiscard]] std::vector<int> free_unknowns(const JointState& state, const Eigen::VectorXd& gradient) const;
 
     /// With the matrix of those.
-    void linearize_free(const JointState& state, JointSystem& system) const;
+    void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
     /// The gradient alone anew; what has been eliminated with the biases stays. False where other unknowns are free
     /// than those of the matrix.
-    [[nodiscard]] bool renew_gradient(const JointState& state, JointSystem& system) const;
+    [[nodiscard]] bool renew_gradient(const JointState& state, const std::vector<PlacedPoints>& placed,
+                                      JointSystem& system) const;
 
     /// tr(R P R^T) of the prior's matrix P.
     /// @param root          R, n x c.
     /// @param coefficients  Which of alpha its columns are, c.
-    [[nodiscard]] double prior_trace(const Eigen::Ref<const Eigen::MatrixXd>& root,
+    [[nodiscard]] double prior_trace(const Eigen::Ref<const PositiveFactor::RowMajor>& root,
                                      const std::vector<int>& coefficients) const;
 
     /// Unknowns of the system's matrix that move an image, as positions in [shared | own].
@@ -168,21 +185,23 @@ public:
 private:
     [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }
     [[nodiscard]] double prior_energy(const JointState& state) const;
-    [[nodiscard]] Eigen::Matrix3Xd neutral_points(std::size_t image, const Eigen::VectorXd& alpha) const;
-    [[nodiscard]] Eigen::Matrix3Xd own_offsets(std::size_t image, const JointState& state) const;
+    void place_image(std::size_t image, const JointState& state, PlacedPoints& placed) const;
+    [[nodiscard]] Eigen::VectorXd prior_gradient(const Eigen::VectorXd& alpha) const;
     [[nodiscard]] double own_scale(std::size_t image, const JointState& state) const
     {
         return images[image].matched_scale / state.cameras[image].scale_px_per_mm;
     }
-    void set_terms(std::size_t image, const JointState& state, std::vector<PointTerm>& terms) const;
-    void set_gradient(const JointState& state, JointSystem& system) const;
+    void set_terms(std::size_t image, const JointState& state, const PlacedPoints& placed,
+                   std::vector<PointTerm>& terms) const;
+    void set_gradient(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
     void add_gradient(std::size_t image, const JointState& state, JointSystem& system) const;
     void set_couplings(const JointState& state, JointSystem& system) const;
     void eliminate_bias_gradient(JointSystem& system) const;
     void set_hessian(const JointState& state, JointSystem& system) const;
-    void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system) const;
-    void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns,
-                             JointSystem& system) const;
+    void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
+                  Eigen::MatrixXd& gram) const;
+    void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
+                             Eigen::MatrixXd& gram) const;
     void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerm& term, double own_scale,
                            Eigen::MatrixX2d& rows) const;
 

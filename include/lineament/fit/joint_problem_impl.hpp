@@ -30,7 +30,13 @@ LINEAMENT_FIT_INLINE double prior_squares(const IdentityInformation& prior, cons
     return offset.dot(prior.matrix * offset);
 }
 
-LINEAMENT_FIT_INLINE double JointProblem::prior_trace(const Eigen::Ref<const Eigen::MatrixXd>& root,
+/// Lambda a - Lambda mu.
+LINEAMENT_FIT_INLINE Eigen::VectorXd JointProblem::prior_gradient(const Eigen::VectorXd& alpha) const
+{
+    return (is_prior_standard_ ? alpha : Eigen::VectorXd(prior_.matrix * alpha)) - prior_.vector;
+}
+
+LINEAMENT_FIT_INLINE double JointProblem::prior_trace(const Eigen::Ref<const PositiveFactor::RowMajor>& root,
                                                       const std::vector<int>& coefficients) const
 {
     if (is_prior_standard_) {
@@ -47,52 +53,56 @@ LINEAMENT_FIT_INLINE void JointProblem::pack(std::size_t image, Eigen::Index num
     }
 }
 
-/// Adds to points (3 x N) the products of their rows with x; `columns` are the same rows, unpacked.
-inline void add_products(const kernels::Kernels* kernels, const PackedRows* packed, const Eigen::MatrixXd& columns,
-                         const Eigen::VectorXd& x, Eigen::Matrix3Xd& points)
+/// Points (3 x N): the products of their rows with x; `columns` are the same rows, unpacked.
+inline void multiply_rows(const kernels::Kernels* kernels, const PackedRows* packed, const Eigen::MatrixXd& columns,
+                          const Eigen::VectorXd& x, AlignedBuffer<double>& padded, Eigen::Matrix3Xd& points)
 {
-    Eigen::Map<Eigen::VectorXd> stacked(points.data(), points.size());
+    points.resize(3, columns.cols() / 3);
     if (kernels == nullptr) {
-        stacked.noalias() += columns.transpose() * x;
+        Eigen::Map<Eigen::VectorXd>(points.data(), points.size()).noalias() = columns.transpose() * x;
         return;
     }
-    AlignedBuffer<double> padded(static_cast<std::size_t>(packed->width));
-    std::copy_n(x.data(), x.size(), padded.data());
-    Eigen::VectorXd products(points.size());
-    kernels->multiply_double_rows(packed->rows.data(), static_cast<int>(points.size()), packed->width, padded.data(),
-                                  products.data());
-    stacked += products;
+    double* factors = room_for(padded, packed->width);
+    std::fill(std::copy_n(x.data(), x.size(), factors), factors + packed->width, 0.0);
+    kernels->multiply_double_rows(packed->rows.data(), static_cast<int>(points.size()), packed->width, factors,
+                                  points.data());
 }
 
-/// Model points of an image without expression and bias.
-LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::neutral_points(std::size_t image,
-                                                                   const Eigen::VectorXd& alpha) const
-{
-    const ModelPoints& points = images[image].points;
-    Eigen::Matrix3Xd shape = points.mean;
-    add_products(kernels, kernels != nullptr ? &packed_[image].identity : nullptr, points.identity, alpha, shape);
-    return shape;
-}
-
-/// What expression and bias add to them. Both count at the scale s_0: how large they are in the image must not tell how
-/// large the image of the head is.
-LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::own_offsets(std::size_t image, const JointState& state) const
+/// Expression and bias count at the scale s_0: how large they are in the image must not tell how large the image of the
+/// head is.
+LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const JointState& state,
+                                                    PlacedPoints& placed) const
 {
     const JointImage& seen = images[image];
-    Eigen::Matrix3Xd offsets = Eigen::Matrix3Xd::Zero(3, seen.points.num_points());
-    add_products(kernels, kernels != nullptr ? &packed_[image].expression : nullptr, seen.points.expression,
-                 state.psi[image], offsets);
-    for (std::size_t i = 0; i < seen.used.size(); ++i) {
-        if (seen.used[i].bias_index >= 0) {
-            offsets.col(static_cast<Eigen::Index>(i)) += state.bias.col(seen.used[i].bias_index);
+    const PackedPoints* packed = kernels != nullptr ? &packed_[image] : nullptr;
+    multiply_rows(kernels, packed != nullptr ? &packed->expression : nullptr, seen.points.expression, state.psi[image],
+                  placed.padded, placed.offsets);
+    if (state.bias.size() > 0) {
+        for (std::size_t i = 0; i < seen.used.size(); ++i) {
+            if (seen.used[i].bias_index >= 0) {
+                placed.offsets.col(static_cast<Eigen::Index>(i)) += state.bias.col(seen.used[i].bias_index);
+            }
         }
     }
-    return own_scale(image, state) * offsets;
+    placed.offsets *= own_scale(image, state);
+    multiply_rows(kernels, packed != nullptr ? &packed->identity : nullptr, seen.points.identity, state.alpha,
+                  placed.padded, placed.points);
+    placed.points += seen.points.mean + placed.offsets;
+}
+
+LINEAMENT_FIT_INLINE void JointProblem::place(const JointState& state, std::vector<PlacedPoints>& placed) const
+{
+    placed.resize(images.size());
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        place_image(f, state, placed[f]);
+    }
 }
 
 LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
 {
-    return neutral_points(image, state.alpha) + own_offsets(image, state);
+    PlacedPoints placed;
+    place_image(image, state, placed);
+    return placed.points;
 }
 
 LINEAMENT_FIT_INLINE double JointProblem::squared_residual(std::size_t image, Eigen::Index point,
@@ -106,7 +116,7 @@ LINEAMENT_FIT_INLINE double JointProblem::squared_residual(std::size_t image, Ei
 LINEAMENT_FIT_INLINE double JointProblem::prior_energy(const JointState& state) const
 {
     // (a - mu)^T Lambda (a - mu) up to a constant that is zero for N(0, I)
-    double energy = state.alpha.dot(prior_.matrix * state.alpha) - 2 * state.alpha.dot(prior_.vector);
+    double energy = state.alpha.dot(prior_gradient(state.alpha) - prior_.vector);
     for (const Eigen::VectorXd& psi : state.psi) {
         energy += (psi / options_.expression_sigma).squaredNorm();
     }
@@ -119,28 +129,29 @@ LINEAMENT_FIT_INLINE double JointProblem::prior_energy(const JointState& state) 
     return energy;
 }
 
-LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state) const
+LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state, const std::vector<PlacedPoints>& placed) const
 {
     double energy = prior_energy(state);
     for (std::size_t f = 0; f < images.size(); ++f) {
         const Camera& camera = state.cameras[f];
-        const Eigen::Matrix3Xd shape = shape_of_points(f, state);
-        if (camera.phi_per_mm > 0 && !is_in_front(camera, shape)) {
+        const Eigen::Matrix3Xd& points = placed[f].points;
+        if (camera.phi_per_mm > 0 && !is_in_front(camera, points)) {
             return std::numeric_limits<double>::infinity();
         }
-        for (Eigen::Index i = 0; i < shape.cols(); ++i) {
-            energy += robust_loss(options_.loss, squared_residual(f, i, state, shape),
-                                  images[f].used[static_cast<std::size_t>(i)].num_dimensions);
+        RobustSum losses(options_.loss);
+        for (Eigen::Index i = 0; i < points.cols(); ++i) {
+            losses.add(squared_residual(f, i, state, points),
+                       images[f].used[static_cast<std::size_t>(i)].num_dimensions);
         }
-        energy += 2 * images[f].scale_strength * std::log(camera.scale_px_per_mm);
+        energy += losses.sum() + 2 * images[f].scale_strength * std::log(camera.scale_px_per_mm);
     }
     return energy;
 }
 
 LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state) const
 {
-    double sum = prior_energy(state) + 2 * state.alpha.dot(prior_.vector) -
-                 state.alpha.dot(prior_.matrix * state.alpha) + prior_squares(prior_, state.alpha);
+    double sum = prior_energy(state) - state.alpha.dot(prior_gradient(state.alpha) - prior_.vector) +
+                 prior_squares(prior_, state.alpha);
     for (std::size_t f = 0; f < images.size(); ++f) {
         const Eigen::Matrix3Xd shape = shape_of_points(f, state);
         for (Eigen::Index i = 0; i < shape.cols(); ++i) {
@@ -159,18 +170,16 @@ LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state) co
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const JointState& state,
-                                                  std::vector<PointTerm>& terms) const
+                                                  const PlacedPoints& placed, std::vector<PointTerm>& terms) const
 {
     const JointImage& seen = images[image];
     const Camera& camera = state.cameras[image];
-    const Eigen::Matrix3Xd offsets = own_offsets(image, state);
-    const Eigen::Matrix3Xd shape = neutral_points(image, state.alpha) + offsets;
     const double phi_by_shared = camera.scale_px_per_mm / reference_scale;
     terms.resize(seen.used.size());
     for (std::size_t i = 0; i < terms.size(); ++i) {
         const JointPoint& used = seen.used[i];
         const Eigen::Index column = static_cast<Eigen::Index>(i);
-        const Eigen::Vector3d point = shape.col(column);
+        const Eigen::Vector3d point = placed.points.col(column);
         const Eigen::Vector2d residual = used.root * (camera.project(point) - seen.image_points.col(column));
         const double squared = residual.squaredNorm();
         const double root_curvature = std::sqrt(robust_curvature(options_.loss, squared, used.num_dimensions));
@@ -178,7 +187,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
         PointTerm& term = terms[i];
         term.by_point = root * camera.jacobian(point);
         term.by_camera = root * pose_jacobian(camera, point);
-        term.by_camera.col(3) -= term.by_point * offsets.col(column);
+        term.by_camera.col(3) -= term.by_point * placed.offsets.col(column);
         term.by_phi.setZero();
         if (has_phi()) {
             term.by_phi = phi_by_shared * root * phi_jacobian(camera, point);
@@ -193,7 +202,6 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
 {
     const JointImage& seen = images[image];
     const Eigen::Index num_points = seen.points.num_points();
-    const Eigen::Index begin = own_begin(image);
     Eigen::Map<Eigen::Matrix3Xd> factors(room_for(system.factors, 3 * num_points), 3, num_points);
     PoseStep by_camera = PoseStep::Zero();
     for (Eigen::Index i = 0; i < num_points; ++i) {
@@ -207,7 +215,7 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
             system.bias_gradient.col(b) += own_scale(image, state) * factors.col(i);
         }
     }
-    system.gradient.segment<6>(begin) = by_camera;
+    system.gradient.segment<6>(camera_begin(image)) = by_camera;
     const auto add_scaled_rows = [&](const PackedRows& packed, double scale, auto gradient) {
         double* sums = room_for(system.sums, packed.width);
         std::fill_n(sums, packed.width, 0.0);
@@ -216,7 +224,7 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
         gradient += scale * Eigen::Map<const Eigen::VectorXd>(sums, gradient.size());
     };
     auto by_alpha = system.gradient.head(num_shape());
-    auto by_psi = system.gradient.segment(begin + 6, num_expressions_);
+    auto by_psi = system.gradient.segment(own_begin(image), num_expressions_);
     if (kernels != nullptr) {
         add_scaled_rows(packed_[image].identity, 1.0, by_alpha);
         add_scaled_rows(packed_[image].expression, own_scale(image, state), by_psi);
@@ -228,19 +236,20 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
 }
 
 /// The gradient with respect to unknowns and biases, these not eliminated.
-LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, const std::vector<PlacedPoints>& placed,
+                                                     JointSystem& system) const
 {
     system.gradient.setZero(num_unknowns());
     system.bias_gradient.setZero(3, state.bias.cols());
     system.terms.resize(images.size());
     for (std::size_t f = 0; f < images.size(); ++f) {
-        set_terms(f, state, system.terms[f]);
+        set_terms(f, state, placed[f], system.terms[f]);
         add_gradient(f, state, system);
-        const Eigen::Index begin = own_begin(f);
-        system.gradient[begin + 3] += images[f].scale_strength;
-        system.gradient.segment(begin + 6, num_expressions_) += std::pow(options_.expression_sigma, -2) * state.psi[f];
+        system.gradient[camera_begin(f) + 3] += images[f].scale_strength;
+        system.gradient.segment(own_begin(f), num_expressions_) +=
+            std::pow(options_.expression_sigma, -2) * state.psi[f];
     }
-    system.gradient.head(num_shape()) += prior_.matrix * state.alpha - prior_.vector;
+    system.gradient.head(num_shape()) += prior_gradient(state.alpha);
     if (has_phi()) {
         system.gradient[num_shape()] += std::pow(*options_.phi_sigma_per_mm, -2) * state.phi_per_mm;
     }
@@ -259,8 +268,8 @@ LINEAMENT_FIT_INLINE void JointProblem::set_rows_of_point(std::size_t image, Eig
     if (has_phi()) {
         rows.row(num_shape()) = term.by_phi.transpose();
     }
-    rows.middleRows<6>(num_shared()) = term.by_camera.transpose();
-    rows.bottomRows(num_expressions_).noalias() =
+    rows.bottomRows<6>() = term.by_camera.transpose();
+    rows.middleRows(num_shared(), num_expressions_).noalias() =
         points.expression.middleCols<3>(3 * point) * (own_scale * term.by_point.transpose());
 }
 
@@ -326,14 +335,13 @@ LINEAMENT_FIT_INLINE std::vector<int> JointProblem::unknowns_of_image(std::size_
 
 /// J^T W J of some unknowns of one image, by their positions in [shared | own].
 LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
-                                                 JointSystem& system) const
+                                                 JointSystem& system, Eigen::MatrixXd& gram) const
 {
     const std::vector<PointTerm>& terms = system.terms[image];
     const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
-    Eigen::MatrixXd& gram = system.image_grams[image];
     gram.resize(size, size);
     if (kernels != nullptr) {
-        set_gram_by_kernels(image, own_scale, unknowns, system);
+        set_gram_by_kernels(image, own_scale, unknowns, system, gram);
         return;
     }
     Eigen::MatrixXd rows(size, 2 * static_cast<Eigen::Index>(terms.size()));
@@ -350,65 +358,66 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_s
 /// In single precision. What it leaves out changes the way of a step, not where the steps end: the gradient is kept in
 /// double precision.
 LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, double own_scale,
-                                                            const std::vector<int>& unknowns, JointSystem& system) const
+                                                            const std::vector<int>& unknowns, JointSystem& system,
+                                                            Eigen::MatrixXd& gram) const
 {
     const std::vector<PointTerm>& terms = system.terms[image];
     const PackedPoints& packed = packed_[image];
-    const int num_points = static_cast<int>(terms.size());
+    const int num_rows = 2 * static_cast<int>(terms.size());
     const int shape_width = packed.identity.width, expression_width = packed.expression.width;
-    constexpr int camera_width = kernels::double_step; // phi and the six of the camera
-    const int width = kernels::round_up(shape_width + camera_width + expression_width, kernels::width_step);
-    float* rows = room_for(system.rows, static_cast<Eigen::Index>(2 * num_points) * width);
-    std::fill_n(rows, static_cast<std::ptrdiff_t>(2 * num_points) * width, 0.0f);
+    constexpr int camera_width = kernels::double_step; // the six of the camera and phi
+    const int width = kernels::round_up(shape_width + expression_width + camera_width, kernels::width_step);
+    float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width);
 
-    // [alpha | camera, phi | psi], each filled up.
-    double* jacobians = room_for(system.factors, 6 * num_points);
-    for (int i = 0; i < num_points; ++i) {
+    // [alpha | psi | camera, phi], each filled up.
+    double* jacobians = room_for(system.factors, 3 * num_rows);
+    float* camera = rows + shape_width + expression_width;
+    for (std::size_t i = 0; i < terms.size(); ++i) {
         Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(jacobians + 6 * i) = terms[i].by_point;
-        for (int axis = 0; axis < 2; ++axis) {
-            float* camera = rows + (2 * i + axis) * width + shape_width;
-            Eigen::Map<Eigen::Matrix<float, 1, 6>> by_camera(camera);
-            by_camera = terms[i].by_camera.row(axis).cast<float>();
+        for (int axis = 0; axis < 2; ++axis, camera += width) {
+            for (int c = 0; c < 6; ++c) {
+                camera[c] = static_cast<float>(terms[i].by_camera(axis, c));
+            }
             camera[6] = static_cast<float>(terms[i].by_phi[axis]);
         }
     }
-    kernels->project_points(packed.identity.rows.data(), shape_width, num_points, jacobians, rows, width);
-    Eigen::Map<Eigen::VectorXd>(jacobians, 6 * num_points) *= own_scale;
-    kernels->project_points(packed.expression.rows.data(), expression_width, num_points, jacobians,
-                            rows + shape_width + camera_width, width);
+    kernels->project_points(packed.identity.rows.data(), shape_width, num_rows / 2, jacobians, rows, width);
+    Eigen::Map<Eigen::VectorXd>(jacobians, 3 * num_rows) *= own_scale;
+    kernels->project_points(packed.expression.rows.data(), expression_width, num_rows / 2, jacobians,
+                            rows + shape_width, width);
 
     // Of each row what is asked for, moved together.
     const int shape_size = static_cast<int>(num_shape()), shared = static_cast<int>(num_shared());
+    const int camera_begin = shared + static_cast<int>(num_expressions_);
     const int size = static_cast<int>(unknowns.size());
-    std::vector<int> columns;
-    columns.reserve(unknowns.size());
+    int num_first = 0; // those that stay where they are
+    std::vector<int>& columns = system.columns;
+    columns.clear();
     for (const int unknown : unknowns) {
-        columns.push_back(unknown < shape_size   ? unknown
-                          : unknown < shared     ? shape_width + 6
-                          : unknown < shared + 6 ? shape_width + unknown - shared
-                                                 : shape_width + camera_width + unknown - shared - 6);
+        columns.push_back(unknown < shape_size     ? unknown
+                          : unknown < shared       ? shape_width + expression_width + 6
+                          : unknown < camera_begin ? shape_width + unknown - shared
+                                                   : shape_width + expression_width + unknown - camera_begin);
+        num_first += columns.back() == num_first && static_cast<int>(columns.size()) == num_first + 1;
     }
     const int gram_width = kernels::round_up(size, kernels::width_step);
     const float* from = rows;
     float* to = rows;
-    std::vector<float> moved(static_cast<std::size_t>(gram_width));
-    int first = 0; // of those that move
-    while (first < size && columns[static_cast<std::size_t>(first)] == first) {
-        ++first;
-    }
-    for (int r = 0; r < 2 * num_points; ++r, from += width, to += gram_width) {
-        std::copy_n(from, first, moved.begin());
-        for (int c = first; c < size; ++c) {
-            moved[static_cast<std::size_t>(c)] = from[columns[static_cast<std::size_t>(c)]];
+    float* moved = room_for(system.moved, size);
+    for (int r = 0; r < num_rows; ++r, from += width, to += gram_width) {
+        for (int c = num_first; c < size; ++c) {
+            moved[c] = from[columns[static_cast<std::size_t>(c)]];
         }
-        std::copy(moved.begin(), moved.end(), to);
+        if (to != from) {
+            std::copy_n(from, num_first, to);
+        }
+        std::fill(std::copy(moved + num_first, moved + size, to + num_first), to + gram_width, 0.0f);
     }
-    float* gram = room_for(system.gram, static_cast<Eigen::Index>(gram_width) * gram_width);
-    std::fill_n(gram, gram_width * gram_width, 0.0f);
-    kernels->add_gram(rows, 2 * num_points, gram_width, gram);
+    float* sums = room_for(system.gram, static_cast<Eigen::Index>(gram_width) * gram_width);
+    std::fill_n(sums, gram_width * gram_width, 0.0f);
+    kernels->add_gram(rows, num_rows, gram_width, sums);
     for (int j = 0; j < size; ++j) { // the upper triangle's rows are the lower one's columns
-        system.image_grams[image].col(j).tail(size - j) =
-            Eigen::Map<const Eigen::VectorXf>(gram + j * (gram_width + 1), size - j).cast<double>();
+        std::copy(sums + j * (gram_width + 1), sums + j * gram_width + size, gram.data() + j * (size + 1));
     }
 }
 
@@ -421,18 +430,24 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
                system.unknowns.begin();
     };
     const Eigen::Index shared = is_before(num_shared());
-    system.hessian.setZero(size, size);
-    system.image_grams.resize(images.size());
-    for (std::size_t f = 0; f < images.size(); ++f) {
-        set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system);
-        const Eigen::MatrixXd& gram = system.image_grams[f];
-        const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
-        system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
-        system.hessian.block(begin, 0, own, shared) = gram.bottomLeftCorner(own, shared);
-        system.hessian.block(begin, begin, own, own) = gram.bottomRightCorner(own, own);
+    if (images.size() == 1 && state.bias.size() == 0) {
+        set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian);
+    } else {
+        system.hessian.setZero(size, size);
+        system.image_grams.resize(images.size());
+        for (std::size_t f = 0; f < images.size(); ++f) {
+            Eigen::MatrixXd& gram = system.image_grams[f];
+            set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram);
+            const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
+            system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
+            system.hessian.block(begin, 0, own, shared) = gram.bottomLeftCorner(own, shared);
+            system.hessian.block(begin, begin, own, own) = gram.bottomRightCorner(own, own);
+        }
     }
     const Eigen::Index num_alpha = is_before(num_shape());
-    if (num_alpha == num_shape()) {
+    if (is_prior_standard_) {
+        system.hessian.diagonal().head(num_alpha).array() += 1;
+    } else if (num_alpha == num_shape()) {
         system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_.matrix;
     } else {
         const std::vector<int> alpha(system.unknowns.begin(), system.unknowns.begin() + num_alpha);
@@ -477,7 +492,9 @@ LINEAMENT_FIT_INLINE std::vector<int> JointProblem::free_unknowns(const JointSta
 LINEAMENT_FIT_INLINE JointSystem JointProblem::linearize(const JointState& state) const
 {
     JointSystem system;
-    set_gradient(state, system);
+    std::vector<PlacedPoints> placed;
+    place(state, placed);
+    set_gradient(state, placed, system);
     set_couplings(state, system);
     eliminate_bias_gradient(system);
     system.unknowns.resize(static_cast<std::size_t>(num_unknowns()));
@@ -486,18 +503,20 @@ LINEAMENT_FIT_INLINE JointSystem JointProblem::linearize(const JointState& state
     return system;
 }
 
-LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed,
+                                                       JointSystem& system) const
 {
-    set_gradient(state, system);
+    set_gradient(state, placed, system);
     set_couplings(state, system);
     eliminate_bias_gradient(system);
     system.unknowns = free_unknowns(state, system.gradient);
     set_hessian(state, system);
 }
 
-LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, const std::vector<PlacedPoints>& placed,
+                                                       JointSystem& system) const
 {
-    set_gradient(state, system);
+    set_gradient(state, placed, system);
     eliminate_bias_gradient(system);
     return free_unknowns(state, system.gradient) == system.unknowns;
 }
@@ -513,14 +532,14 @@ LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::Vec
         down[num_shape()] = -state.phi_per_mm;
     }
     for (std::size_t f = 0; f < images.size(); ++f) {
-        down.segment(own_begin(f) + 6, num_expressions_) = -state.psi[f];
-        up.segment(own_begin(f) + 6, num_expressions_).array() = options_.max_expression - state.psi[f].array();
+        down.segment(own_begin(f), num_expressions_) = -state.psi[f];
+        up.segment(own_begin(f), num_expressions_).array() = options_.max_expression - state.psi[f].array();
         const double log_scale = std::log(state.cameras[f].scale_px_per_mm / images[f].matched_scale);
-        down[own_begin(f) + 3] = -std::log(max_scale_change) - log_scale;
-        up[own_begin(f) + 3] = std::log(max_scale_change) - log_scale;
+        down[camera_begin(f) + 3] = -std::log(max_scale_change) - log_scale;
+        up[camera_begin(f) + 3] = std::log(max_scale_change) - log_scale;
         if (moves_expressions_only) {
-            down.segment<6>(own_begin(f)).setZero();
-            up.segment<6>(own_begin(f)).setZero();
+            down.segment<6>(camera_begin(f)).setZero();
+            up.segment<6>(camera_begin(f)).setZero();
         }
     }
     if (moves_expressions_only) {
@@ -539,16 +558,16 @@ LINEAMENT_FIT_INLINE JointState JointProblem::moved(const JointState& state, con
         next.phi_per_mm = std::max(0.0, state.phi_per_mm + step[num_shape()]);
     }
     for (std::size_t f = 0; f < images.size(); ++f) {
-        const Eigen::Index begin = own_begin(f);
         const Camera& camera = state.cameras[f];
         const double focal_length_px = options_.focal_length_px.value_or(1.0);
-        next.cameras[f] = apply_step(camera, step.segment<6>(begin), focal_length_px);
+        next.cameras[f] = apply_step(camera, step.segment<6>(camera_begin(f)), focal_length_px);
         if (!options_.focal_length_px) {
             next.cameras[f].phi_per_mm =
                 has_phi() ? next.phi_per_mm * next.cameras[f].scale_px_per_mm / reference_scale : 0.0;
         }
-        next.psi[f] =
-            (state.psi[f] + step.segment(begin + 6, num_expressions_)).cwiseMax(0.0).cwiseMin(options_.max_expression);
+        next.psi[f] = (state.psi[f] + step.segment(own_begin(f), num_expressions_))
+                          .cwiseMax(0.0)
+                          .cwiseMin(options_.max_expression);
     }
     for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
         const Eigen::Vector3d pull =

@@ -18,7 +18,9 @@ namespace lineament::detail {
 
 /// Sets n_f of every image, half the derivative of log det Lambda by its log s: its share in the effective number of
 /// shape coefficients that the landmarks determine.                                      docs/joint-fit.md, Eq. (14)
-void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system);
+/// @param factor  Of the system's matrix.
+void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system,
+                             PositiveFactor& factor);
 
 struct JointProgress
 {

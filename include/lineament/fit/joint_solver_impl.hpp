@@ -71,11 +71,12 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
 inline void set_scale_strength(JointProblem& problem, std::size_t image, double strength, JointSystem& system)
 {
     double& scale_strength = problem.images[image].scale_strength;
-    system.gradient[problem.own_begin(image) + 3] += strength - scale_strength;
+    system.gradient[problem.camera_begin(image) + 3] += strength - scale_strength;
     scale_strength = strength;
 }
 
-LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system)
+LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system,
+                                                  PositiveFactor& factor)
 {
     std::vector<int> linear; // positions among the unknowns
     for (int i = 0; i < static_cast<int>(system.unknowns.size()); ++i) {
@@ -84,22 +85,26 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
         }
     }
     const Eigen::Index size = system.hessian.rows();
-    PositiveFactor factor(problem.kernels);
     const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
-    const Eigen::MatrixXd root =
-        factor.half_solve(block_of(system.hessian, linear), Eigen::MatrixXd::Identity(num_linear, num_linear));
+    PositiveFactor of_linear(problem.kernels);
+    const bool is_leading = num_linear == 0 || linear.back() + 1 == num_linear;
+    if (!is_leading) {
+        of_linear.factor(block_of(system.hessian, linear));
+    }
+    PositiveFactor& lambda = is_leading ? factor : of_linear;
     const Eigen::Index num_biases = state.bias.cols();
     if (problem.images.size() == 1 && num_biases == 0) { // Lambda less its prior is all that the image says
         const auto begin = system.unknowns.begin();
         const std::vector<int> alpha(
             begin, std::lower_bound(begin, system.unknowns.end(), static_cast<int>(problem.num_shape())));
         const Eigen::Index count = static_cast<Eigen::Index>(alpha.size());
-        const double strength = static_cast<double>(count) - problem.prior_trace(root.leftCols(count), alpha);
+        const double strength =
+            static_cast<double>(count) - problem.prior_trace(lambda.inverse_root(num_linear).leftCols(count), alpha);
         set_scale_strength(problem, 0, strength, system);
         return;
     }
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse(linear, linear) = factor.inverse_from(root);
+    inverse(linear, linear) = lambda.inverse(num_linear);
     Eigen::MatrixXd spread(num_biases > 0 ? size : 0, 3 * num_biases); // - covariance of the unknowns with the biases
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         const Eigen::Matrix3d bias_inverse = system.bias_inverse.middleCols<3>(3 * b);
@@ -145,29 +150,33 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
     JointSystem system;
     PositiveFactor factor(problem.kernels);
     Eigen::VectorXd down, up;
+    std::vector<PlacedPoints> placed, next_placed;
+    problem.place(state, placed);
     for (int iteration = 0; iteration < max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;
-        if (!keeps_matrix || !problem.renew_gradient(state, system)) {
+        if (!keeps_matrix || !problem.renew_gradient(state, placed, system)) {
             keeps_matrix = false;
-            problem.linearize_free(state, system);
+            problem.linearize_free(state, placed, system);
+            factor.factor(system.hessian, damping);
             if (iteration == 0) {
-                refresh_scale_strengths(problem, state, system);
-                energy = problem.energy(state);
+                refresh_scale_strengths(problem, state, system, factor);
+                energy = problem.energy(state, placed);
                 progress.energies.push_back({round, energy});
             }
-            factor.factor(system.hessian, damping);
         }
         problem.room(state, down, up);
         while (true) {
             const Eigen::VectorXd step = bounded_step(system, factor, damping, down, up, problem.kernels);
             JointState next = problem.moved(state, system, step, damping);
-            const double next_energy = problem.energy(next);
+            problem.place(next, next_placed);
+            const double next_energy = problem.energy(next, next_placed);
             const double decrease = -system.gradient.dot(step);
             // What rounding hides in the energy is settled too.
             progress.has_settled =
                 damping <= 1 && decrease <= std::max(tolerance * tolerance, 1e-14 * (1 + std::abs(energy)));
             if (next_energy < energy) {
                 state = std::move(next);
+                placed.swap(next_placed);
                 energy = next_energy;
                 progress.energies.push_back({round, energy});
                 // A kept matrix must bring the steps down quickly.
@@ -181,7 +190,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
             }
             if (keeps_matrix) {
                 keeps_matrix = false;
-                problem.linearize_free(state, system);
+                problem.linearize_free(state, placed, system);
             } else {
                 damping = std::max(1e-3, 10 * damping);
             }

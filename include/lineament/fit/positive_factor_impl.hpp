@@ -16,6 +16,9 @@ namespace lineament::detail {
 class PositiveFactor
 {
 public:
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    using Root = Eigen::Map<RowMajor, 0, Eigen::OuterStride<>>;
+
     explicit PositiveFactor(const kernels::Kernels* kernels) : kernels_(kernels) {}
 
     /// @param matrix   n x n, of which the lower triangle is read. What is solved with a matrix that is not positive
@@ -39,40 +42,51 @@ public:
         if (kernels_ == nullptr) {
             return cholesky_.solve(b);
         }
-        double* x = room_for(right_side_, padded_size());
+        double* x = room_for(right_side_, padded_size(size_));
         Eigen::Map<Eigen::VectorXd> solved(x, size_);
         solved = b;
         kernels_->solve_factored(system_.data(), static_cast<int>(size_), width_, x);
         return solved;
     }
 
-    /// U^-T B (n x c) for A factored anew; with B = 1 the root of the inverse, A^-1 = (U^-T)^T U^-T.
-    [[nodiscard]] Eigen::MatrixXd half_solve(const Eigen::MatrixXd& matrix, const Eigen::MatrixXd& columns)
+    /// U^-T B (n x c).
+    [[nodiscard]] Eigen::MatrixXd factor_and_half_solve(const Eigen::MatrixXd& matrix, const Eigen::MatrixXd& columns)
     {
-        size_ = matrix.rows();
         if (kernels_ == nullptr) {
-            cholesky_.compute(matrix);
+            factor(matrix);
             return cholesky_.matrixL().solve(columns);
         }
+        size_ = matrix.rows();
         factor_beside(matrix, 0.0, columns);
-        return rows().rightCols(width_ - padded_size()).leftCols(columns.cols());
+        return rows().rightCols(width_ - padded_size(size_)).leftCols(columns.cols());
     }
 
-    /// A^-1 = R^T R of R = half_solve(A, 1).
-    [[nodiscard]] Eigen::MatrixXd inverse_from(const Eigen::MatrixXd& root)
+    /// R = U^-T of the leading n unknowns, the root of their block's inverse: its inverse is R^T R. Lower triangular.
+    [[nodiscard]] Root inverse_root(Eigen::Index n)
     {
-        const Eigen::Index n = root.cols();
+        const int width = padded_size(n);
+        Root root(room_for(root_, n * width), n, n, Eigen::OuterStride<>(width));
+        if (kernels_ != nullptr) {
+            kernels_->invert_factor(system_.data(), static_cast<int>(n), width_, root_.data(), width);
+        } else {
+            root = cholesky_.matrixLLT().topLeftCorner(n, n).triangularView<Eigen::Lower>().solve(
+                Eigen::MatrixXd::Identity(n, n));
+        }
+        return root;
+    }
+
+    /// R^T R of that R.
+    [[nodiscard]] Eigen::MatrixXd inverse(Eigen::Index n)
+    {
+        const Root root = inverse_root(n);
         Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, n);
         if (kernels_ == nullptr) {
             inverse.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
         } else {
-            const int width = kernels::round_up(static_cast<int>(n), kernels::double_step);
-            width_ = width;
-            double* rows = room_for(system_, 2 * width * width);
-            double* gram = rows + width * width;
-            std::fill_n(rows, 2 * width * width, 0.0);
-            Eigen::Map<RowMajor>(rows, width, width).topLeftCorner(n, n) = root;
-            kernels_->add_double_gram(rows, static_cast<int>(n), width, gram);
+            const int width = padded_size(n);
+            double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
+            std::fill_n(gram, width * width, 0.0);
+            kernels_->add_double_gram(root.data(), static_cast<int>(n), width, gram);
             inverse = Eigen::Map<const Eigen::MatrixXd>(gram, width, width).topLeftCorner(n, n);
         }
         inverse.triangularView<Eigen::StrictlyUpper>() = inverse.transpose();
@@ -80,24 +94,25 @@ public:
     }
 
 private:
-    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
     [[nodiscard]] Eigen::Map<RowMajor> rows() { return {system_.data(), size_, width_}; }
 
-    [[nodiscard]] int padded_size() const { return kernels::round_up(static_cast<int>(size_), kernels::double_step); }
+    [[nodiscard]] static int padded_size(Eigen::Index size)
+    {
+        return kernels::round_up(static_cast<int>(size), kernels::double_step);
+    }
 
     /// U, with U^-T times the columns beside it.
     void factor_beside(const Eigen::MatrixXd& matrix, double damping, const Eigen::MatrixXd& columns)
     {
         const int n = static_cast<int>(size_);
-        width_ = padded_size() + kernels::round_up(static_cast<int>(columns.cols()), kernels::double_step);
+        width_ = padded_size(size_) + kernels::round_up(static_cast<int>(columns.cols()), kernels::double_step);
         double* row = room_for(system_, static_cast<Eigen::Index>(n) * width_);
         for (int i = 0; i < n; ++i, row += width_) { // the lower triangle's columns are the upper one's rows
             std::copy(matrix.data() + i * (n + 1), matrix.data() + (i + 1) * n, row + i);
             std::fill(row + n, row + width_, 0.0);
             row[i] *= 1 + damping;
         }
-        rows().rightCols(width_ - padded_size()).leftCols(columns.cols()) = columns;
+        rows().rightCols(width_ - padded_size(size_)).leftCols(columns.cols()) = columns;
         if (!(kernels_->factor_positive(system_.data(), n, width_) > 0)) {
             rows().setConstant(std::numeric_limits<double>::quiet_NaN());
         }
@@ -107,7 +122,7 @@ private:
     Eigen::Index size_ = 0;
     int width_ = 0;
     AlignedBuffer<double> system_ = {}; ///< U in its upper triangle.
-    AlignedBuffer<double> right_side_ = {};
+    AlignedBuffer<double> right_side_ = {}, root_ = {}, gram_ = {};
     Eigen::LLT<Eigen::MatrixXd> cholesky_ = {};
 };
 

@@ -32,6 +32,40 @@ inline constexpr double geman_mcclure_width_sq = 9.0; ///< c^2.
     return squared_residual;
 }
 
+/// Sum of losses. The logarithms of Student's t are taken of products: a few instead of one a residual.
+class RobustSum
+{
+public:
+    explicit RobustSum(RobustLoss loss) : loss_(loss) {}
+
+    void add(double squared_residual, int num_dimensions)
+    {
+        const double ratio = 1 + squared_residual / student_t_degrees;
+        if (loss_ != RobustLoss::student_t || !(ratio < largest_factor)) {
+            sum_ += robust_loss(loss_, squared_residual, num_dimensions);
+            return;
+        }
+        double& product = products_[num_dimensions - 1];
+        product *= ratio;
+        if (product > largest_factor) {
+            sum_ += (student_t_degrees + num_dimensions) * std::log(product);
+            product = 1;
+        }
+    }
+    [[nodiscard]] double sum() const
+    {
+        return sum_ + (student_t_degrees + 1) * std::log(products_[0]) +
+               (student_t_degrees + 2) * std::log(products_[1]);
+    }
+
+private:
+    static constexpr double largest_factor = 1e150; ///< The product of two is a number.
+
+    RobustLoss loss_;
+    double sum_ = 0;
+    double products_[2] = {1, 1}; ///< Of residuals of one and of two dimensions.
+};
+
 /// rho'(u): the weight of the residual in re-weighted least squares.
 [[nodiscard]] inline double robust_weight(RobustLoss loss, double squared_residual, int num_dimensions)
 {

@@ -320,6 +320,75 @@ inline void solve_factored(const double* system, int n, int width, double* x)
     }
 }
 
+/// Rows i..i+3 of U^-T, some columns, less their products with the rows above, which are 0 before row c.
+template <int num_vectors>
+HWY_INLINE void subtract_inverse_above(const double* system, int width, int i, int c, double* inverse,
+                                       int inverse_width)
+{
+    DoubleBlock<num_vectors> block;
+    block.load(inverse + i * inverse_width + c, inverse_width);
+    for (int k = c; k < i; ++k) {
+        block.subtract(system + k * width + i, inverse + k * inverse_width + c);
+    }
+    block.store(inverse + i * inverse_width + c, inverse_width);
+}
+
+/// U^-T row by row in blocks of four.
+inline void invert_factor(const double* system, int n, int width, double* inverse, int inverse_width)
+{
+    const DoubleTag d;
+    std::fill_n(inverse, n * inverse_width, 0.0);
+    for (int i = 0; i < n; ++i) {
+        inverse[i * inverse_width + i] = 1;
+    }
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        int c = 0;
+        for (; c < i && c + 2 * double_lanes <= inverse_width; c += 2 * double_lanes) {
+            subtract_inverse_above<2>(system, width, i, c, inverse, inverse_width);
+        }
+        if (c < i) {
+            subtract_inverse_above<1>(system, width, i, c, inverse, inverse_width);
+        }
+        const double* u0 = system + i * width + i;
+        const double* u1 = u0 + width;
+        const double* u2 = u1 + width;
+        const double* u3 = u2 + width;
+        const double s0 = 1 / u0[0], s1 = 1 / u1[1], s2 = 1 / u2[2], s3 = 1 / u3[3];
+        double* r0 = inverse + i * inverse_width;
+        double* r1 = r0 + inverse_width;
+        double* r2 = r1 + inverse_width;
+        double* r3 = r2 + inverse_width;
+        for (c = 0; c < i + 4; c += double_lanes) {
+            const DoubleVector a = hn::Mul(hn::Set(d, s0), hn::Load(d, r0 + c));
+            const DoubleVector b = hn::Mul(hn::Set(d, s1), hn::NegMulAdd(hn::Set(d, u0[1]), a, hn::Load(d, r1 + c)));
+            const DoubleVector e =
+                hn::Mul(hn::Set(d, s2),
+                        hn::NegMulAdd(hn::Set(d, u1[2]), b, hn::NegMulAdd(hn::Set(d, u0[2]), a, hn::Load(d, r2 + c))));
+            const DoubleVector f =
+                hn::NegMulAdd(hn::Set(d, u1[3]), b, hn::NegMulAdd(hn::Set(d, u0[3]), a, hn::Load(d, r3 + c)));
+            hn::Store(a, d, r0 + c);
+            hn::Store(b, d, r1 + c);
+            hn::Store(e, d, r2 + c);
+            hn::Store(hn::Mul(hn::Set(d, s3), hn::NegMulAdd(hn::Set(d, u2[3]), e, f)), d, r3 + c);
+        }
+    }
+    for (; i < n; ++i) { // what is left of a block
+        double* row = inverse + i * inverse_width;
+        for (int k = 0; k < i; ++k) {
+            const DoubleVector factor = hn::Set(d, system[k * width + i]);
+            for (int c = 0; c <= k; c += double_lanes) {
+                hn::Store(hn::NegMulAdd(factor, hn::Load(d, inverse + k * inverse_width + c), hn::Load(d, row + c)), d,
+                          row + c);
+            }
+        }
+        const DoubleVector scale = hn::Set(d, 1 / system[i * width + i]);
+        for (int c = 0; c <= i; c += double_lanes) {
+            hn::Store(hn::Mul(scale, hn::Load(d, row + c)), d, row + c);
+        }
+    }
+}
+
 inline void add_pose_moments(const float* points, const double* seen_u, const double* seen_v, const double* weights,
                              int count, double* moments)
 {

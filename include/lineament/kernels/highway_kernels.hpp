@@ -534,7 +534,8 @@ inline void transform_points(const float* points, int step, int count, const flo
                                     project_points,
                                     add_double_gram,
                                     factor_positive,
-                                    solve_factored};
+                                    solve_factored,
+                                    invert_factor};
     return &kernels;
 #endif
 }

@@ -106,6 +106,9 @@ struct Kernels
 
     /// x = U^-1 U^-T x for U of factor_positive: solves A x = b.
     void (*solve_factored)(const double* system, int n, int width, double* x);
+
+    /// U^-T (n rows of inverse_width >= n, 0 above the diagonal) for U of factor_positive or its leading n rows.
+    void (*invert_factor)(const double* system, int n, int width, double* inverse, int inverse_width);
 };
 
 inline constexpr int num_pose_moments = 18;

@@ -245,6 +245,25 @@ inline double factor_positive(double* system, int n, int width)
     return least;
 }
 
+inline void invert_factor(const double* system, int n, int width, double* inverse, int inverse_width)
+{
+    for (int i = 0; i < n; ++i) {
+        double* row = inverse + i * inverse_width;
+        std::fill_n(row, inverse_width, 0.0);
+        row[i] = 1;
+        for (int k = 0; k < i; ++k) {
+            const double* above = inverse + k * inverse_width;
+            const double factor = system[k * width + i];
+            for (int c = 0; c <= k; ++c) {
+                row[c] -= factor * above[c];
+            }
+        }
+        for (int c = 0; c <= i; ++c) {
+            row[c] /= system[i * width + i];
+        }
+    }
+}
+
 inline void solve_factored(const double* system, int n, int width, double* x)
 {
     for (int i = 0; i < n; ++i) {
@@ -288,7 +307,8 @@ namespace lineament::kernels {
                                       scalar::project_points,
                                       scalar::add_double_gram,
                                       scalar::factor_positive,
-                                      scalar::solve_factored};
+                                      scalar::solve_factored,
+                                      scalar::invert_factor};
     return table;
 }
 
