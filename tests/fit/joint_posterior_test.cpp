@@ -36,6 +36,15 @@ const FaceFitter& base()
 }
 
 /// Energy and state of a round, made of the same parts as the fitter's but from outside.
+detail::JointSystem linearized(const detail::JointProblem& problem, const detail::JointState& state)
+{
+    std::vector<detail::PlacedPoints> placed;
+    problem.place(state, placed);
+    detail::JointSystem system;
+    problem.linearize(state, placed, system);
+    return system;
+}
+
 struct Round
 {
     Round(const Planted& planted, const JointOptions& options, const std::vector<JointFitResult>& at)
@@ -68,7 +77,7 @@ struct Round
     /// Half the energy's derivative by each unknown but the biases, by central differences; one-sided at a bound.
     [[nodiscard]] Eigen::VectorXd numeric_gradient() const
     {
-        const detail::JointSystem system = problem.linearize(state);
+        const detail::JointSystem system = linearized(problem, state);
         Eigen::VectorXd down, up, gradient(problem.num_unknowns());
         problem.room(state, down, up);
         for (Eigen::Index i = 0; i < gradient.size(); ++i) {
@@ -109,7 +118,7 @@ TEST(JointFitter, GradientAgreesWithDifferencesOfTheEnergy)
         }
         const Round round(planted, options, result.frames);
         const Eigen::VectorXd numeric = round.numeric_gradient();
-        const detail::JointSystem system = round.problem.linearize(round.state);
+        const detail::JointSystem system = linearized(round.problem, round.state);
         Eigen::VectorXd analytic = system.gradient; // with the part that eliminating the biases took off
         for (Eigen::Index b = 0; b < round.state.bias.cols(); ++b) {
             analytic += system.bias_coupling.middleCols<3>(3 * b) *
@@ -204,8 +213,8 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
         points.identity = rows;
         wide.images.push_back(image);
     }
-    const detail::JointSystem system = round.problem.linearize(round.state);
-    const detail::JointSystem wide_system = wide.linearize(wide_state);
+    const detail::JointSystem system = linearized(round.problem, round.state);
+    const detail::JointSystem wide_system = linearized(wide, wide_state);
     std::vector<int> kept, biases;
     for (int i = 0; i < static_cast<int>(wide.num_unknowns()); ++i) {
         (i < num_shape || i >= num_shape + num_biases ? kept : biases).push_back(i);
@@ -246,7 +255,7 @@ TEST(JointFitter, ScaleStrengthIsTheDerivativeOfTheLogDeterminant)
         const auto log_determinant_at = [&](double log_factor) {
             detail::JointState state = round.state;
             state.cameras[1].scale_px_per_mm *= std::exp(log_factor);
-            const detail::JointSystem system = round.problem.linearize(state);
+            const detail::JointSystem system = linearized(round.problem, state);
             const std::vector<int> linear = linear_unknowns(round.problem);
             double sum = log_determinant(system.hessian(linear, linear));
             for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
@@ -255,7 +264,7 @@ TEST(JointFitter, ScaleStrengthIsTheDerivativeOfTheLogDeterminant)
             return sum;
         };
         const double numeric = (log_determinant_at(1e-4) - log_determinant_at(-1e-4)) / 2e-4;
-        detail::JointSystem system = round.problem.linearize(round.state);
+        detail::JointSystem system = linearized(round.problem, round.state);
         detail::PositiveFactor factor(nullptr);
         factor.factor(system.hessian);
         detail::refresh_scale_strengths(round.problem, round.state, system, factor);
@@ -290,7 +299,7 @@ TEST(JointFitter, IntervalsCoverThePlantedTruth)
         const Eigen::Index num_shape = planted.alpha.size();
         const Eigen::VectorXd deviation = result.covariance.diagonal().head(num_shape).cwiseSqrt();
         const Round round(planted, fitter.options(), {result});
-        const Eigen::MatrixXd hessian = round.problem.linearize(round.state).hessian.selfadjointView<Eigen::Lower>();
+        const Eigen::MatrixXd hessian = linearized(round.problem, round.state).hessian.selfadjointView<Eigen::Lower>();
         const Eigen::MatrixXd information = hessian.topLeftCorner(num_shape, num_shape);
         const Eigen::VectorXd known_pose = information.inverse().diagonal().cwiseSqrt();
         for (Eigen::Index j = 0; j < num_shape; ++j) {

@@ -36,7 +36,7 @@ public:
     void add_image(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const FitResult* start,
                    std::span<const Eigen::Matrix2d> covariances_px);
     void run();
-    [[nodiscard]] JointFramesResult result() const;
+    [[nodiscard]] JointFramesResult result();
 
     /// Of the one image added, linearised at a fit of it, without a prior.
     [[nodiscard]] IdentityInformation identity_information(const JointFitResult& at);
@@ -55,8 +55,10 @@ private:
     };
 
     void estimate_pose(Image& image, const Eigen::VectorXd& psi);
-    [[nodiscard]] JointSystem system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
-                                        double matched_scale);
+    /// Of the one image, linearised there.
+    void set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+                       double matched_scale);
+    void linearize();
     void match();
     void turn_by_depth(std::size_t used_index);
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
@@ -76,6 +78,7 @@ private:
     JointState shown_ = {}; ///< The same as a result: cameras and expressions after the turn by depth, psi at scale s.
     std::vector<double> matched_scales_ = {};
     JointProgress progress_ = {};
+    JointScratch scratch_;
     double total_us_ = 0.0;
     double contour_us_ = 0.0;
 };
@@ -83,7 +86,7 @@ private:
 inline JointFit::JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior,
                           int num_before, const kernels::Kernels* kernels)
     : base_(base), options_(options), prior_(prior), num_before_(num_before),
-      problem_(options, prior, base.landmark_points().num_expression_coefficients())
+      problem_(options, prior, base.landmark_points().num_expression_coefficients()), scratch_(kernels)
 {
     problem_.kernels = kernels;
     state_.alpha = prior_mean(prior);
@@ -186,7 +189,7 @@ inline void JointFit::run()
         problem_.reference_scale = reference;
         // Until the last round it is enough to come near.
         minimize(problem_, state_, is_last ? options_.max_iterations : 3, is_last ? options_.tolerance : 0.1, round,
-                 progress_);
+                 scratch_, progress_);
     }
     shown_ = state_;
     for (std::size_t f = 0; f < used_.size(); ++f) {
@@ -238,7 +241,8 @@ inline void JointFit::turn_by_depth(std::size_t f)
         used.bias_index = -1;
     }
     JointProgress progress;
-    minimize(alone, state, options_.max_iterations, options_.tolerance, 0, progress);
+    JointScratch scratch(nullptr);
+    minimize(alone, state, options_.max_iterations, options_.tolerance, 0, scratch, progress);
     shown_.cameras[f] = state.cameras.front();
     shown_.psi[f] = state.psi.front();
 }
@@ -254,7 +258,7 @@ struct JointCertainty
 /// unknown k that is held.
 /// @param system  With the matrix of all unknowns.
 [[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
-                                                 const JointSystem& system)
+                                                 const JointSystem& system, PositiveFactor& factor)
 {
     const std::vector<int> free = problem.free_unknowns(state, system.gradient);
     std::vector<int> held;
@@ -268,7 +272,6 @@ struct JointCertainty
                 system.hessian(std::max(free[i], held[k]), std::min(free[i], held[k]));
         }
     }
-    PositiveFactor factor(problem.kernels);
     const Eigen::MatrixXd solved = factor.factor_and_half_solve(block_of(system.hessian, free), beside);
     JointCertainty certainty;
     certainty.covariance = Eigen::MatrixXd::Zero(system.hessian.rows(), system.hessian.rows());
@@ -444,7 +447,13 @@ inline void JointFit::withhold_unless_finite(JointFramesResult& result) const
     return unobservable;
 }
 
-inline JointFramesResult JointFit::result() const
+inline void JointFit::linearize()
+{
+    problem_.place(state_, scratch_.placed);
+    problem_.linearize(state_, scratch_.placed, scratch_.system);
+}
+
+inline JointFramesResult JointFit::result()
 {
     JointFramesResult result;
     result.shape_coefficients = state_.alpha;
@@ -460,8 +469,8 @@ inline JointFramesResult JointFit::result() const
     if (state_.bias.size() > 0) {
         result.landmark_bias_mm = state_.bias;
     }
-    const JointSystem system = problem_.linearize(state_);
-    const JointCertainty certainty = certainty_of(problem_, state_, system);
+    linearize();
+    const JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
     const Eigen::MatrixXd& covariance = certainty.covariance;
     const Eigen::Index num_shape = problem_.num_shape();
     const Eigen::Index num_expressions = problem_.num_own() - 6;
@@ -490,9 +499,8 @@ inline JointFramesResult JointFit::result() const
     return result;
 }
 
-/// Of the one image, linearised there.
-inline JointSystem JointFit::system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
-                                       double matched_scale)
+inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+                                    double matched_scale)
 {
     used_ = {0};
     problem_.images.resize(1);
@@ -504,22 +512,23 @@ inline JointSystem JointFit::system_at(const Camera& camera, const Eigen::Vector
     const NoiseSharing noise{matched_scale, 1, num_before_, false};
     images_[0].matcher.match(camera, alpha, psi, noise, problem_.images[0]);
     problem_.pack(0, 0);
-    return problem_.linearize(state_);
+    linearize();
 }
 
 inline Eigen::VectorXd JointFit::expression_deviations(const FitResult& at)
 {
     const Eigen::VectorXd psi = state_.psi[0]; // within its bounds
-    const JointSystem system = system_at(at.camera, at.shape_coefficients, psi, at.camera.scale_px_per_mm);
-    return certainty_of(problem_, state_, system).deviations.segment(problem_.own_begin(0), psi.size());
+    set_system_at(at.camera, at.shape_coefficients, psi, at.camera.scale_px_per_mm);
+    return certainty_of(problem_, state_, scratch_.system, scratch_.factor)
+        .deviations.segment(problem_.own_begin(0), psi.size());
 }
 
 inline IdentityInformation JointFit::identity_information(const JointFitResult& at)
 {
     problem_.images.resize(1);
     problem_.images[0].scale_strength = at.scale_strength;
-    const JointSystem system =
-        system_at(at.minimum_camera, at.fit.shape_coefficients, at.minimum_expression, at.matched_scale_px_per_mm);
+    set_system_at(at.minimum_camera, at.fit.shape_coefficients, at.minimum_expression, at.matched_scale_px_per_mm);
+    const JointSystem& system = scratch_.system;
     const Eigen::MatrixXd hessian = system.hessian.selfadjointView<Eigen::Lower>();
     std::vector<int> others = problem_.free_unknowns(state_, system.gradient); // camera and free expressions
     const int num_shape = static_cast<int>(problem_.num_shape());

@@ -146,7 +146,7 @@ public:
     void pack(std::size_t image, Eigen::Index num_kept);
 
     /// With the matrix of all unknowns.
-    [[nodiscard]] JointSystem linearize(const JointState& state) const;
+    void linearize(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
     /// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against.
     [[nodiscard]] std::vector<int> free_unknowns(const JointState& state, const Eigen::VectorXd& gradient) const;

@@ -161,14 +161,6 @@ LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state) co
     return sum;
 }
 
-/// d x / d phi of one point.
-[[nodiscard]] inline Eigen::Vector2d phi_jacobian(const Camera& camera, const Eigen::Vector3d& point)
-{
-    const Eigen::Vector3d in_camera = camera.in_camera(point);
-    const double inverse_depth = 1 / (1 + camera.phi_per_mm * in_camera.z());
-    return -camera.scale_px_per_mm * inverse_depth * inverse_depth * in_camera.z() * in_camera.head<2>();
-}
-
 LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const JointState& state,
                                                   const PlacedPoints& placed, std::vector<PointTerm>& terms) const
 {
@@ -179,19 +171,16 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
     for (std::size_t i = 0; i < terms.size(); ++i) {
         const JointPoint& used = seen.used[i];
         const Eigen::Index column = static_cast<Eigen::Index>(i);
-        const Eigen::Vector3d point = placed.points.col(column);
-        const Eigen::Vector2d residual = used.root * (camera.project(point) - seen.image_points.col(column));
+        const SeenPoint at = see_point(camera, placed.points.col(column));
+        const Eigen::Vector2d residual = used.root * (at.at_px - seen.image_points.col(column));
         const double squared = residual.squaredNorm();
         const double root_curvature = std::sqrt(robust_curvature(options_.loss, squared, used.num_dimensions));
         const Eigen::Matrix2d root = root_curvature * used.root;
         PointTerm& term = terms[i];
-        term.by_point = root * camera.jacobian(point);
-        term.by_camera = root * pose_jacobian(camera, point);
+        term.by_point.noalias() = root * at.by_point;
+        term.by_camera.noalias() = root * at.by_camera;
         term.by_camera.col(3) -= term.by_point * placed.offsets.col(column);
-        term.by_phi.setZero();
-        if (has_phi()) {
-            term.by_phi = phi_by_shared * root * phi_jacobian(camera, point);
-        }
+        term.by_phi = phi_by_shared * root * at.by_phi;
         term.residual = robust_weight(options_.loss, squared, used.num_dimensions) / root_curvature * residual;
     }
 }
@@ -489,18 +478,15 @@ LINEAMENT_FIT_INLINE std::vector<int> JointProblem::free_unknowns(const JointSta
     return free;
 }
 
-LINEAMENT_FIT_INLINE JointSystem JointProblem::linearize(const JointState& state) const
+LINEAMENT_FIT_INLINE void JointProblem::linearize(const JointState& state, const std::vector<PlacedPoints>& placed,
+                                                  JointSystem& system) const
 {
-    JointSystem system;
-    std::vector<PlacedPoints> placed;
-    place(state, placed);
     set_gradient(state, placed, system);
     set_couplings(state, system);
     eliminate_bias_gradient(system);
     system.unknowns.resize(static_cast<std::size_t>(num_unknowns()));
     std::iota(system.unknowns.begin(), system.unknowns.end(), 0);
     set_hessian(state, system);
-    return system;
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed,

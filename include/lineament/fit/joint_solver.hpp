@@ -29,11 +29,22 @@ struct JointProgress
     std::vector<EnergyStep> energies = {};
 };
 
+/// Kept from round to round for its room.
+struct JointScratch
+{
+    explicit JointScratch(const kernels::Kernels* kernels) : factor(kernels) {}
+
+    JointSystem system = {};
+    PositiveFactor factor;
+    std::vector<PlacedPoints> placed = {}, next_placed = {};
+    Eigen::VectorXd down = {}, up = {};
+};
+
 /// Lowers the energy of a round by damped Gauss-Newton steps, whose matrix is kept while the steps are short, until the
 /// step left is `tolerance` posterior standard deviations long (step^T H step = -gradient^T step), or the iterations
 /// are used up.
 void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance, int round,
-              JointProgress& progress);
+              JointScratch& scratch, JointProgress& progress);
 
 } // namespace lineament::detail
 

@@ -41,10 +41,19 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
         return step;
     }
     const Eigen::VectorXd right_side = -system.gradient(system.unknowns);
+    Eigen::VectorXd solved = factor.solve(right_side);
+    bool is_inside = true;
+    for (std::size_t i = 0; i < system.unknowns.size(); ++i) {
+        const int unknown = system.unknowns[i];
+        step[unknown] = solved[static_cast<Eigen::Index>(i)];
+        is_inside = is_inside && step[unknown] >= down[unknown] && step[unknown] <= up[unknown];
+    }
+    if (is_inside) {
+        return step;
+    }
     Eigen::VectorXd held = Eigen::VectorXd::Zero(right_side.size()); // steps of what is held
     std::vector<int> free(system.unknowns.size());                   // positions among the unknowns
     std::iota(free.begin(), free.end(), 0);
-    Eigen::VectorXd solved = factor.solve(right_side);
     while (true) {
         std::vector<int> inside;
         for (std::size_t i = 0; i < free.size(); ++i) {
@@ -140,17 +149,14 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
 inline constexpr double short_decrease = 1.0;
 
 LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance,
-                                   int round, JointProgress& progress)
+                                   int round, JointScratch& scratch, JointProgress& progress)
 {
     progress.has_settled = false;
     double damping = 0;
     double energy = 0;
     double last_decrease = short_decrease;
     bool keeps_matrix = false;
-    JointSystem system;
-    PositiveFactor factor(problem.kernels);
-    Eigen::VectorXd down, up;
-    std::vector<PlacedPoints> placed, next_placed;
+    auto& [system, factor, placed, next_placed, down, up] = scratch;
     problem.place(state, placed);
     for (int iteration = 0; iteration < max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;

@@ -48,10 +48,9 @@ namespace detail {
         PoseStep gradient = PoseStep::Zero();
         for (Eigen::Index i = 0; i < num_points; ++i) {
             if (weights[i] > 0) {
-                const Eigen::Vector3d point = points_in_model.col(i);
-                const Eigen::Matrix<double, 2, 6> jacobian = pose_jacobian(camera, point);
-                hessian += weights[i] * jacobian.transpose() * jacobian;
-                gradient += weights[i] * jacobian.transpose() * (camera.project(point) - image_points.col(i));
+                const SeenPoint seen = see_point(camera, points_in_model.col(i));
+                hessian += weights[i] * seen.by_camera.transpose() * seen.by_camera;
+                gradient += weights[i] * seen.by_camera.transpose() * (seen.at_px - image_points.col(i));
             }
         }
         hessian.diagonal() *= 1 + damping;

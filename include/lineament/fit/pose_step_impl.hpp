@@ -37,23 +37,33 @@ using PoseStep = Eigen::Matrix<double, 6, 1>; ///< Turn in camera space (3), log
     return camera.phi_per_mm * nearest_depth_mm <= 1.0 && 1.0 + camera.phi_per_mm * depths.minCoeff() > 0.1;
 }
 
-/// d x / d (omega, log s, tau) of one point (2 x 6); the scale moves phi too: d phi / d log s = phi.
-[[nodiscard]] inline Eigen::Matrix<double, 2, 6> pose_jacobian(const Camera& camera, const Eigen::Vector3d& point)
+/// Where a point is seen, and how that changes.
+struct SeenPoint
+{
+    Eigen::Vector2d at_px;
+    Eigen::Matrix<double, 2, 3> by_point;  ///< d x / d X, as Camera::jacobian.
+    Eigen::Matrix<double, 2, 6> by_camera; ///< d x / d (omega, log s, tau); the scale moves phi too: d phi / d log s =
+                                           ///< phi.
+    Eigen::Vector2d by_phi;                ///< d x / d phi.
+};
+
+[[nodiscard]] inline SeenPoint see_point(const Camera& camera, const Eigen::Vector3d& point)
 {
     const Eigen::Vector3d rotated = camera.camera_from_model * point;
-    const Eigen::Vector3d in_camera = camera.in_camera(point);
-    const double inverse_depth = 1 / (1 + camera.phi_per_mm * in_camera.z());
-    const Eigen::Vector2d seen = inverse_depth * in_camera.head<2>();
-    Eigen::Matrix<double, 2, 3> by_point; // d x / d P
-    by_point.leftCols<2>() = camera.scale_px_per_mm * inverse_depth * Eigen::Matrix2d::Identity();
-    by_point.col(2) = -camera.scale_px_per_mm * inverse_depth * camera.phi_per_mm * seen;
-    Eigen::Matrix<double, 2, 6> jacobian;
-    for (int axis = 0; axis < 3; ++axis) {
-        jacobian.col(axis) = by_point * Eigen::Vector3d::Unit(axis).cross(rotated);
-    }
-    jacobian.col(3) = camera.scale_px_per_mm * inverse_depth * seen; // s p (1 - phi P_z / (1 + phi P_z))
-    jacobian.rightCols<2>() = by_point.leftCols<2>();
-    return jacobian;
+    const double inverse_depth = 1 / (1 + camera.phi_per_mm * rotated.z());
+    const double scale = camera.scale_px_per_mm * inverse_depth; // d x / d P = scale (1 0 u; 0 1 v)
+    const Eigen::Vector2d seen = inverse_depth * (rotated.head<2>() + camera.translation_mm);
+    const double u = -camera.phi_per_mm * seen.x(), v = -camera.phi_per_mm * seen.y();
+    const double x = rotated.x(), y = rotated.y(), z = rotated.z();
+    const Eigen::Matrix3d& turn = camera.camera_from_model;
+    SeenPoint result;
+    result.at_px = camera.principal_point_px + camera.scale_px_per_mm * seen;
+    result.by_point.row(0) = scale * (turn.row(0) + u * turn.row(2));
+    result.by_point.row(1) = scale * (turn.row(1) + v * turn.row(2));
+    result.by_camera.row(0) << scale * u * y, scale * (z - u * x), -scale * y, scale * seen.x(), scale, 0.0;
+    result.by_camera.row(1) << scale * (v * y - z), -scale * v * x, scale * x, scale * seen.y(), 0.0, scale;
+    result.by_phi = -scale * z * seen;
+    return result;
 }
 
 } // namespace lineament::detail
