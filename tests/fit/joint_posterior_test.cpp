@@ -54,7 +54,7 @@ struct Round
         state.alpha = at.front().fit.shape_coefficients;
         for (std::size_t f = 0; f < at.size(); ++f) {
             detail::JointImageMatcher matcher(base(), options, planted.images[f], {});
-            detail::JointImage image;
+            detail::JointImage image = matcher.fixed_image();
             matcher.match(at[f].fit.camera, state.alpha, at[f].fit.expression_coefficients,
                           {at[f].matched_scale_px_per_mm, static_cast<int>(at.size()), 0, options.bias_sigma_mm > 0},
                           image);
@@ -202,15 +202,15 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
     for (std::size_t f = 0; f < round.problem.images.size(); ++f) {
         round.problem.images[f].matched_scale = round.state.cameras[f].scale_px_per_mm; // there both mean the same
         detail::JointImage image = round.problem.images[f];
-        ModelPoints& points = image.points;
-        Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(num_shape + num_biases, points.identity.cols());
-        rows.topRows(num_shape) = points.identity;
-        for (std::size_t i = 0; i < image.used.size(); ++i) {
-            const Eigen::Index column = 3 * static_cast<Eigen::Index>(i);
-            rows.block<3, 3>(num_shape + 3 * image.used[i].bias_index, column).diagonal() << 1.5, 1.5, 3.0;
-            image.used[i].bias_index = -1;
+        const detail::PackedRows narrow = image.points.identity;
+        image.points.identity = detail::PackedRows(image.points.num_points, num_shape + num_biases);
+        for (Eigen::Index i = 0; i < image.points.num_points; ++i) {
+            auto rows = image.points.identity.of_point(i);
+            rows.topRows(num_shape) = narrow.of_point(i);
+            int& bias_index = image.used[static_cast<std::size_t>(i)].bias_index;
+            rows.block<3, 3>(num_shape + 3 * bias_index, 0).diagonal() << 1.5, 1.5, 3.0;
+            bias_index = -1;
         }
-        points.identity = rows;
         wide.images.push_back(image);
     }
     const detail::JointSystem system = linearized(round.problem, round.state);

@@ -119,6 +119,13 @@ public:
     /// Sets point `to` to a vertex.
     void assign_vertex(ModelPoints& points, Eigen::Index to, int vertex) const;
 
+    /// The point at `fraction` from one vertex to another.
+    /// @param mean        3.
+    /// @param identity    m x 3, as in ModelPoints.
+    /// @param expression  k x 3.
+    void point_between(int vertex, int next_vertex, double fraction, Eigen::Ref<Eigen::Vector3d> mean,
+                       Eigen::Ref<Eigen::MatrixX3d> identity, Eigen::Ref<Eigen::MatrixX3d> expression) const;
+
 private:
     MorphableModel model_;
     std::string scheme_;

@@ -127,6 +127,20 @@ LINEAMENT_FIT_INLINE void FaceFitter::assign_vertex(ModelPoints& points, Eigen::
     points.expression.middleCols<3>(3 * to) = expression_rows_.middleCols<3>(column).cast<double>();
 }
 
+LINEAMENT_FIT_INLINE void FaceFitter::point_between(int vertex, int next_vertex, double fraction,
+                                                    Eigen::Ref<Eigen::Vector3d> mean,
+                                                    Eigen::Ref<Eigen::MatrixX3d> identity,
+                                                    Eigen::Ref<Eigen::MatrixX3d> expression) const
+{
+    const Eigen::Index first = 3 * static_cast<Eigen::Index>(vertex), next = 3 * static_cast<Eigen::Index>(next_vertex);
+    const auto between = [fraction](const auto& a, const auto& b) {
+        return (1 - fraction) * a.template cast<double>() + fraction * b.template cast<double>();
+    };
+    mean = between(model_.shape.mean.segment<3>(first), model_.shape.mean.segment<3>(next));
+    identity = between(identity_rows_.middleCols<3>(first), identity_rows_.middleCols<3>(next));
+    expression = between(expression_rows_.middleCols<3>(first), expression_rows_.middleCols<3>(next));
+}
+
 namespace detail {
 
 /// Coefficients to start from, checked.

@@ -54,10 +54,10 @@ private:
         Camera camera = {}; ///< Neutral where there is no usable pose.
     };
 
-    void estimate_pose(Image& image, const Eigen::VectorXd& psi);
+    void estimate_pose(Image& image, const JointImage& fixed, const Eigen::VectorXd& psi);
     /// Of the one image, linearised there.
     void set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
-                       double matched_scale);
+                       double matched_scale, double scale_strength);
     void linearize();
     void match();
     void turn_by_depth(std::size_t used_index);
@@ -116,21 +116,20 @@ inline void JointFit::add_image(const LandmarkSet& landmarks, const Eigen::Vecto
     state_.psi.push_back(psi);
 }
 
-inline void JointFit::estimate_pose(Image& image, const Eigen::VectorXd& psi)
+inline void JointFit::estimate_pose(Image& image, const JointImage& fixed, const Eigen::VectorXd& psi)
 {
-    const JointImage fixed = image.matcher.fixed_image();
-    const Eigen::Matrix3Xd shape = fixed.points.at(state_.alpha, psi);
+    const Eigen::Matrix3Xd shape = fixed.points.at(problem_.kernels, state_.alpha, psi);
+    const Eigen::Matrix2Xd image_points = fixed.image_points.leftCols(shape.cols());
     const Eigen::Vector2d principal_point_px = image.camera.principal_point_px;
     const auto pose_for = [&](const Eigen::VectorXd& weights) {
-        return options_.focal_length_px
-                   ? estimate_pose_perspective(shape, fixed.image_points, *options_.focal_length_px, weights,
-                                               principal_point_px)
-                   : lineament::estimate_pose(shape, fixed.image_points, weights, principal_point_px);
+        return options_.focal_length_px ? estimate_pose_perspective(shape, image_points, *options_.focal_length_px,
+                                                                    weights, principal_point_px)
+                                        : lineament::estimate_pose(shape, image_points, weights, principal_point_px);
     };
     const Eigen::VectorXd weights = image.matcher.start_weights();
     PoseResult pose = pose_for(weights);
-    if (has_wild_points(pose, shape, fixed.image_points)) {
-        const PoseResult without = pose_for(without_wild_points(shape, fixed.image_points, weights));
+    if (has_wild_points(pose, shape, image_points)) {
+        const PoseResult without = pose_for(without_wild_points(shape, image_points, weights));
         pose = without.status == FitStatus::success ? without : pose;
     }
     image.camera = pose.camera;
@@ -148,7 +147,6 @@ inline void JointFit::match()
         const double scale = state_.cameras[f].scale_px_per_mm;
         const NoiseSharing noise{scale, static_cast<int>(used_.size()), num_before_, state_.bias.size() > 0};
         images_[used_[f]].matcher.match(state_.cameras[f], state_.alpha, state_.psi[f], noise, problem_.images[f]);
-        problem_.pack(f, images_[used_[f]].matcher.num_fixed());
         matched_scales_.push_back(scale);
     }
 }
@@ -158,9 +156,11 @@ inline void JointFit::run()
     const Stopwatch stopwatch(total_us_);
     std::vector<Eigen::VectorXd> psi;
     for (std::size_t f = 0; f < images_.size(); ++f) {
-        estimate_pose(images_[f], state_.psi[f]);
+        JointImage seen = images_[f].matcher.fixed_image();
+        estimate_pose(images_[f], seen, state_.psi[f]);
         if (images_[f].status == FitStatus::success) {
             used_.push_back(f);
+            problem_.images.push_back(std::move(seen));
             state_.cameras.push_back(images_[f].camera);
             psi.push_back(state_.psi[f]);
         }
@@ -171,7 +171,6 @@ inline void JointFit::run()
         return;
     }
     const int num_images = static_cast<int>(used_.size());
-    problem_.images.resize(used_.size());
     if (num_images > 1 && options_.bias_sigma_mm > 0) {
         const Eigen::Index num_biases = base_.landmark_map().num_landmarks();
         state_.bias = Eigen::Matrix3Xd::Zero(3, num_biases);
@@ -215,7 +214,7 @@ inline void JointFit::turn_by_depth(std::size_t f)
     JointImage& seen = alone.images.front();
     JointState state{state_.alpha, 0.0, {state_.cameras[f]}, {state_.psi[f]}, {}};
     const double own_scale = seen.matched_scale / state.cameras.front().scale_px_per_mm;
-    const Eigen::Matrix3Xd shape = seen.points.at(state.alpha, own_scale * state.psi.front());
+    const Eigen::Matrix3Xd shape = seen.points.at(nullptr, state.alpha, own_scale * state.psi.front());
     const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
     PairMoments all, with_depth;
     int num_with_depth = 0;
@@ -236,7 +235,7 @@ inline void JointFit::turn_by_depth(std::size_t f)
     if (!turn_camera_by_depth(all, with_depth, num_with_depth, state.cameras.front())) {
         return;
     }
-    seen.points.mean += with_bias - shape; // biases are held
+    seen.points.mean.leftCols(shape.cols()) += with_bias - shape; // biases are held
     for (JointPoint& used : seen.used) {
         used.bias_index = -1;
     }
@@ -327,7 +326,7 @@ inline FitResult JointFit::fit_result(std::size_t f) const
     result.expression_coefficients = shown_.psi[f];
     show_map_points(base_.landmark_points(), image.matcher.map_indices(), result);
     const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
-    const Eigen::Matrix3Xd shape = seen.points.at(state_.alpha, shown_.psi[f]);
+    const Eigen::Matrix3Xd shape = seen.points.at(problem_.kernels, state_.alpha, shown_.psi[f]);
     double sum = 0;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         const JointPoint& used = seen.used[i];
@@ -500,10 +499,11 @@ inline JointFramesResult JointFit::result()
 }
 
 inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
-                                    double matched_scale)
+                                    double matched_scale, double scale_strength)
 {
     used_ = {0};
-    problem_.images.resize(1);
+    problem_.images = {images_[0].matcher.fixed_image()};
+    problem_.images[0].scale_strength = scale_strength;
     state_.alpha = alpha;
     state_.cameras = {camera};
     state_.psi = {psi};
@@ -511,23 +511,21 @@ inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd&
     state_.phi_per_mm = camera.phi_per_mm;
     const NoiseSharing noise{matched_scale, 1, num_before_, false};
     images_[0].matcher.match(camera, alpha, psi, noise, problem_.images[0]);
-    problem_.pack(0, 0);
     linearize();
 }
 
 inline Eigen::VectorXd JointFit::expression_deviations(const FitResult& at)
 {
     const Eigen::VectorXd psi = state_.psi[0]; // within its bounds
-    set_system_at(at.camera, at.shape_coefficients, psi, at.camera.scale_px_per_mm);
+    set_system_at(at.camera, at.shape_coefficients, psi, at.camera.scale_px_per_mm, 0.0);
     return certainty_of(problem_, state_, scratch_.system, scratch_.factor)
         .deviations.segment(problem_.own_begin(0), psi.size());
 }
 
 inline IdentityInformation JointFit::identity_information(const JointFitResult& at)
 {
-    problem_.images.resize(1);
-    problem_.images[0].scale_strength = at.scale_strength;
-    set_system_at(at.minimum_camera, at.fit.shape_coefficients, at.minimum_expression, at.matched_scale_px_per_mm);
+    set_system_at(at.minimum_camera, at.fit.shape_coefficients, at.minimum_expression, at.matched_scale_px_per_mm,
+                  at.scale_strength);
     const JointSystem& system = scratch_.system;
     const Eigen::MatrixXd hessian = system.hessian.selfadjointView<Eigen::Lower>();
     std::vector<int> others = problem_.free_unknowns(state_, system.gradient); // camera and free expressions

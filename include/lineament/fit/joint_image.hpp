@@ -60,15 +60,13 @@ public:
 
     [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
 
-    /// Points tied to their map point, the leading ones of an image.
-    [[nodiscard]] Eigen::Index num_fixed() const { return static_cast<Eigen::Index>(use_.fixed.size()); }
-
-    /// Points and weights for a camera and shape; `noise` says how mm become px and what images have in common.
-    void match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
-               const NoiseSharing& noise, JointImage& image);
-
     /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
     [[nodiscard]] JointImage fixed_image() const;
+
+    /// Gives the points of fixed_image() their weights and has those of the outline follow, for a camera and shape;
+    /// `noise` says how mm become px and what images have in common.
+    void match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+               const NoiseSharing& noise, JointImage& image);
 
     /// Of those points, for the first pose: confidence over the variance stated for the landmark, by the caller or by
     /// the landmark map, or else the options' variance of an inner one; empty where all weigh the same.

@@ -151,8 +151,10 @@ LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image() const
     JointImage image;
     const Eigen::Index count = static_cast<Eigen::Index>(use_.fixed.size());
     const ModelPoints& all = base_.landmark_points();
-    image.points = ModelPoints::sized(count, all.num_shape_coefficients(), all.num_expression_coefficients());
-    image.image_points.resize(2, count);
+    const Eigen::Index room = count + static_cast<Eigen::Index>(use_.outline.size());
+    image.points = PackedPoints(room, all.num_shape_coefficients(), all.num_expression_coefficients());
+    image.points.num_points = count;
+    image.image_points.resize(2, room);
     for (Eigen::Index i = 0; i < count; ++i) {
         const int l = use_.fixed[static_cast<std::size_t>(i)];
         image.points.assign(i, all, use_.map_indices[l]);
@@ -238,17 +240,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     const std::vector<OutlineMatch> matches =
         use_.outline.empty() ? std::vector<OutlineMatch>() : match_outline(camera, alpha, psi);
     const Eigen::Index num_fixed = static_cast<Eigen::Index>(use_.fixed.size());
-    const Eigen::Index count = num_fixed + static_cast<Eigen::Index>(matches.size());
-    if (image.points.num_points() != count) {
-        JointImage fixed = fixed_image();
-        const ModelPoints& all = base_.landmark_points();
-        image.points = ModelPoints::sized(count, all.num_shape_coefficients(), all.num_expression_coefficients());
-        image.image_points.resize(2, count);
-        for (Eigen::Index i = 0; i < num_fixed; ++i) {
-            image.points.assign(i, fixed.points, i);
-            image.image_points.col(i) = fixed.image_points.col(i);
-        }
-    }
+    image.points.num_points = num_fixed + static_cast<Eigen::Index>(matches.size());
     image.used.clear();
     image.matched_scale = noise.scale_px_per_mm;
     const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::Matrix2d& covariance) {
@@ -265,21 +257,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
         add(l, noise.has_bias ? map_index : -1, 2,
             covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
     }
-    ModelPoints ends =
-        ModelPoints::sized(2, image.points.num_shape_coefficients(), image.points.num_expression_coefficients());
     for (std::size_t m = 0; m < matches.size(); ++m) {
         const OutlineMatch& match = matches[m];
         const Eigen::Index i = num_fixed + static_cast<Eigen::Index>(m);
-        base_.assign_vertex(ends, 0, match.vertex);
-        base_.assign_vertex(ends, 1, match.next_vertex);
-        const auto between = [&](const auto& first, const auto& second) {
-            return (1 - match.fraction) * first + match.fraction * second;
-        };
-        image.points.mean.col(i) = between(ends.mean.col(0), ends.mean.col(1));
-        image.points.identity.middleCols<3>(3 * i) =
-            between(ends.identity.middleCols<3>(0), ends.identity.middleCols<3>(3));
-        image.points.expression.middleCols<3>(3 * i) =
-            between(ends.expression.middleCols<3>(0), ends.expression.middleCols<3>(3));
+        base_.point_between(match.vertex, match.next_vertex, match.fraction, image.points.mean.col(i),
+                            image.points.identity.of_point(i), image.points.expression.of_point(i));
         image.image_points.col(i) = landmarks_.landmarks[match.landmark_index].point_px;
         const Eigen::Vector2d tangent(-match.normal.y(), match.normal.x());
         const double along_px = noise.scale_px_per_mm * options_.contour_along_sigma_mm;

@@ -30,10 +30,10 @@ struct JointPoint
 struct JointImage
 {
     std::vector<JointPoint> used = {}; ///< One per point below.
-    ModelPoints points = {};
-    Eigen::Matrix2Xd image_points = {};
-    double matched_scale = 1.0;  ///< s_0 [px/mm].
-    double scale_strength = 0.0; ///< n_f.
+    PackedPoints points = {};
+    Eigen::Matrix2Xd image_points = {}; ///< 2 x N, and perhaps room for more.
+    double matched_scale = 1.0;         ///< s_0 [px/mm].
+    double scale_strength = 0.0;        ///< n_f.
 };
 
 /// The unknowns.
@@ -141,10 +141,6 @@ public:
     /// Weighted squares of residuals and priors, without robust loss and scale term.
     [[nodiscard]] double chi_square(const JointState& state) const;
 
-    /// Packs the points of an image for the kernels, where there are any; whenever its points have changed.
-    /// @param num_kept  Leading points that have not.
-    void pack(std::size_t image, Eigen::Index num_kept);
-
     /// With the matrix of all unknowns.
     void linearize(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
@@ -209,7 +205,6 @@ private:
     const IdentityInformation& prior_;
     bool is_prior_standard_; ///< Its matrix is 1.
     Eigen::Index num_expressions_;
-    std::vector<PackedPoints> packed_ = {}; ///< Of each image.
 };
 
 } // namespace lineament::detail

@@ -45,38 +45,14 @@ LINEAMENT_FIT_INLINE double JointProblem::prior_trace(const Eigen::Ref<const Pos
     return (root * prior_.matrix(coefficients, coefficients)).cwiseProduct(root).sum();
 }
 
-LINEAMENT_FIT_INLINE void JointProblem::pack(std::size_t image, Eigen::Index num_kept)
-{
-    if (kernels != nullptr) {
-        packed_.resize(images.size());
-        packed_[image].pack(images[image].points, num_kept);
-    }
-}
-
-/// Points (3 x N): the products of their rows with x; `columns` are the same rows, unpacked.
-inline void multiply_rows(const kernels::Kernels* kernels, const PackedRows* packed, const Eigen::MatrixXd& columns,
-                          const Eigen::VectorXd& x, AlignedBuffer<double>& padded, Eigen::Matrix3Xd& points)
-{
-    points.resize(3, columns.cols() / 3);
-    if (kernels == nullptr) {
-        Eigen::Map<Eigen::VectorXd>(points.data(), points.size()).noalias() = columns.transpose() * x;
-        return;
-    }
-    double* factors = room_for(padded, packed->width);
-    std::fill(std::copy_n(x.data(), x.size(), factors), factors + packed->width, 0.0);
-    kernels->multiply_double_rows(packed->rows.data(), static_cast<int>(points.size()), packed->width, factors,
-                                  points.data());
-}
-
 /// Expression and bias count at the scale s_0: how large they are in the image must not tell how large the image of the
 /// head is.
 LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const JointState& state,
                                                     PlacedPoints& placed) const
 {
     const JointImage& seen = images[image];
-    const PackedPoints* packed = kernels != nullptr ? &packed_[image] : nullptr;
-    multiply_rows(kernels, packed != nullptr ? &packed->expression : nullptr, seen.points.expression, state.psi[image],
-                  placed.padded, placed.offsets);
+    const PackedPoints& points = seen.points;
+    points.expression.multiply(kernels, points.num_points, state.psi[image], placed.padded, placed.offsets);
     if (state.bias.size() > 0) {
         for (std::size_t i = 0; i < seen.used.size(); ++i) {
             if (seen.used[i].bias_index >= 0) {
@@ -85,9 +61,8 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
         }
     }
     placed.offsets *= own_scale(image, state);
-    multiply_rows(kernels, packed != nullptr ? &packed->identity : nullptr, seen.points.identity, state.alpha,
-                  placed.padded, placed.points);
-    placed.points += seen.points.mean + placed.offsets;
+    points.identity.multiply(kernels, points.num_points, state.alpha, placed.padded, placed.points);
+    placed.points += points.mean.leftCols(points.num_points) + placed.offsets;
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::place(const JointState& state, std::vector<PlacedPoints>& placed) const
@@ -190,7 +165,7 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
                                                      JointSystem& system) const
 {
     const JointImage& seen = images[image];
-    const Eigen::Index num_points = seen.points.num_points();
+    const Eigen::Index num_points = seen.points.num_points;
     Eigen::Map<Eigen::Matrix3Xd> factors(room_for(system.factors, 3 * num_points), 3, num_points);
     PoseStep by_camera = PoseStep::Zero();
     for (Eigen::Index i = 0; i < num_points; ++i) {
@@ -206,21 +181,20 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
     }
     system.gradient.segment<6>(camera_begin(image)) = by_camera;
     const auto add_scaled_rows = [&](const PackedRows& packed, double scale, auto gradient) {
-        double* sums = room_for(system.sums, packed.width);
-        std::fill_n(sums, packed.width, 0.0);
-        kernels->add_double_rows(packed.rows.data(), static_cast<int>(3 * num_points), packed.width, factors.data(),
-                                 sums);
+        double* sums = room_for(system.sums, packed.width());
+        std::fill_n(sums, packed.width(), 0.0);
+        kernels->add_double_rows(packed.data(), static_cast<int>(3 * num_points), packed.width(), factors.data(), sums);
         gradient += scale * Eigen::Map<const Eigen::VectorXd>(sums, gradient.size());
     };
     auto by_alpha = system.gradient.head(num_shape());
     auto by_psi = system.gradient.segment(own_begin(image), num_expressions_);
     if (kernels != nullptr) {
-        add_scaled_rows(packed_[image].identity, 1.0, by_alpha);
-        add_scaled_rows(packed_[image].expression, own_scale(image, state), by_psi);
+        add_scaled_rows(seen.points.identity, 1.0, by_alpha);
+        add_scaled_rows(seen.points.expression, own_scale(image, state), by_psi);
     } else {
         const Eigen::Map<const Eigen::VectorXd> stacked(factors.data(), factors.size());
-        by_alpha.noalias() += seen.points.identity * stacked;
-        by_psi.noalias() += own_scale(image, state) * (seen.points.expression * stacked);
+        by_alpha.noalias() += seen.points.identity.leading(num_points) * stacked;
+        by_psi.noalias() += own_scale(image, state) * (seen.points.expression.leading(num_points) * stacked);
     }
 }
 
@@ -251,15 +225,15 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, co
 LINEAMENT_FIT_INLINE void JointProblem::set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerm& term,
                                                           double own_scale, Eigen::MatrixX2d& rows) const
 {
-    const ModelPoints& points = images[image].points;
+    const PackedPoints& points = images[image].points;
     rows.resize(num_shared() + num_own(), 2);
-    rows.topRows(num_shape()).noalias() = points.identity.middleCols<3>(3 * point) * term.by_point.transpose();
+    rows.topRows(num_shape()).noalias() = points.identity.of_point(point) * term.by_point.transpose();
     if (has_phi()) {
         rows.row(num_shape()) = term.by_phi.transpose();
     }
     rows.bottomRows<6>() = term.by_camera.transpose();
     rows.middleRows(num_shared(), num_expressions_).noalias() =
-        points.expression.middleCols<3>(3 * point) * (own_scale * term.by_point.transpose());
+        points.expression.of_point(point) * (own_scale * term.by_point.transpose());
 }
 
 /// How the biases are coupled with each other and with the unknowns.
@@ -351,9 +325,9 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
                                                             Eigen::MatrixXd& gram) const
 {
     const std::vector<PointTerm>& terms = system.terms[image];
-    const PackedPoints& packed = packed_[image];
+    const PackedPoints& points = images[image].points;
     const int num_rows = 2 * static_cast<int>(terms.size());
-    const int shape_width = packed.identity.width, expression_width = packed.expression.width;
+    const int shape_width = points.identity.width(), expression_width = points.expression.width();
     constexpr int camera_width = kernels::double_step; // the six of the camera and phi
     const int width = kernels::round_up(shape_width + expression_width + camera_width, kernels::width_step);
     float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width);
@@ -370,10 +344,10 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
             camera[6] = static_cast<float>(terms[i].by_phi[axis]);
         }
     }
-    kernels->project_points(packed.identity.rows.data(), shape_width, num_rows / 2, jacobians, rows, width);
+    kernels->project_points(points.identity.data(), shape_width, num_rows / 2, jacobians, rows, width);
     Eigen::Map<Eigen::VectorXd>(jacobians, 3 * num_rows) *= own_scale;
-    kernels->project_points(packed.expression.rows.data(), expression_width, num_rows / 2, jacobians,
-                            rows + shape_width, width);
+    kernels->project_points(points.expression.data(), expression_width, num_rows / 2, jacobians, rows + shape_width,
+                            width);
 
     // Of each row what is asked for, moved together.
     const int shape_size = static_cast<int>(num_shape()), shared = static_cast<int>(num_shared());

@@ -7,10 +7,11 @@
 #include <memory>
 #include <new>
 #include <type_traits>
+#include <utility>
 
 namespace lineament::kernels {
 
-/// Zeroed numbers at a multiple of 64 bytes (a cache line, the widest vector). Moves, but does not copy.
+/// Zeroed numbers at a multiple of 64 bytes (a cache line, the widest vector).
 template <typename T>
 class AlignedBuffer
 {
@@ -24,6 +25,18 @@ public:
     {
         std::fill_n(data_.get(), size, T{});
     }
+    AlignedBuffer(const AlignedBuffer& other) : AlignedBuffer(other.size_)
+    {
+        std::copy_n(other.data(), other.size_, data());
+    }
+    AlignedBuffer(AlignedBuffer&&) noexcept = default;
+    AlignedBuffer& operator=(AlignedBuffer other) noexcept
+    {
+        std::swap(data_, other.data_);
+        std::swap(size_, other.size_);
+        return *this;
+    }
+    ~AlignedBuffer() = default;
 
     [[nodiscard]] T* data() { return data_.get(); }
     [[nodiscard]] const T* data() const { return data_.get(); }
