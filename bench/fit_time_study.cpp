@@ -89,7 +89,8 @@ std::vector<Case> make_cases(const MorphableModel& model, const std::vector<Land
             }
             cases.push_back({"JointFitter" + what + suffix, steps, count, [joint, &sets] {
                                  for (const LandmarkSet& set : sets) {
-                                     sink += shape_of(joint->model(), joint->fit(set, centre).fit)[0];
+                                     sink += shape_of(joint->model(), joint->fit(set, centre).fit,
+                                                      &kernels::dispatched_kernels())[0];
                                  }
                              }});
         };

@@ -76,6 +76,17 @@ TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecision)
     }
 }
 
+TEST_P(JointKernelsTest, GiveTheMeshOfPlainSums)
+{
+    const FitResult fit = JointFitter(model, "ibug68", options()).fit(faces()[0], {320, 240}).fit;
+    const Eigen::VectorXf expected = shape_of(model, fit), neutral = neutral_shape_of(model, fit);
+    ASSERT_GT((expected - neutral).cwiseAbs().maxCoeff(), 0.1);
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        EXPECT_LT((shape_of(model, fit, set) - expected).cwiseAbs().maxCoeff(), 2e-4) << set->name;
+        EXPECT_LT((neutral_shape_of(model, fit, set) - neutral).cwiseAbs().maxCoeff(), 2e-4) << set->name;
+    }
+}
+
 TEST_P(JointKernelsTest, ANoiseOfAHundredthMoreIsFarBeyondTheirRounding)
 {
     JointOptions other = options();

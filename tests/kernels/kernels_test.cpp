@@ -293,6 +293,24 @@ TEST_P(KernelsTest, FindsTheFirstNearestPoint)
     }
 }
 
+TEST_P(KernelsTest, AddsColumnsOfAnyAlignment)
+{
+    for (const int num_rows : {0, 1, 15, 64, 777}) {
+        for (const int num_columns : {0, 1, 7}) {
+            const int step = num_rows + 3;
+            const AlignedBuffer<float> columns = random_floats(random, static_cast<std::size_t>(num_columns) * step);
+            const AlignedBuffer<float> coefficients = random_floats(random, num_columns);
+            AlignedBuffer<float> out = random_floats(random, num_rows + 2);
+            Eigen::MatrixXd expected = matrix_of(out, num_rows + 2, 1); // the ends are left alone
+            expected.middleRows(1, num_rows) += matrix_of(columns, num_columns, step).leftCols(num_rows).transpose() *
+                                                matrix_of(coefficients, num_columns, 1);
+            kernels.add_columns(columns.data(), step, num_rows, num_columns, coefficients.data(), out.data() + 1);
+            EXPECT_LE(max_difference(matrix_of(out, num_rows + 2, 1), expected), 1e-5)
+                << num_rows << " " << num_columns;
+        }
+    }
+}
+
 TEST(DispatchedKernels, AreAmongThoseSupported)
 {
     const std::vector<const Kernels*> supported = supported_kernels();

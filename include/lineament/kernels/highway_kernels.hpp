@@ -158,6 +158,46 @@ inline void combine_panels_int16(const float* base, const std::int16_t* panels, 
     combine<ReadInt16>(base, panels, num_panels, num_columns, coefficients, out);
 }
 
+/// A tile of rows stays in registers while the columns pass; its pieces of them lie far apart, but each is long enough
+/// to be read at the speed of memory.
+template <int num_vectors>
+HWY_INLINE void add_columns_to_tile(const float* columns, std::ptrdiff_t step, int num_columns,
+                                    const float* coefficients, float* out)
+{
+    const Floats d;
+    Vector sums[num_vectors];
+    for (int v = 0; v < num_vectors; ++v) {
+        sums[v] = hn::LoadU(d, out + v * lanes);
+    }
+    for (int j = 0; j < num_columns; ++j, columns += step) {
+        const Vector factor = hn::Set(d, coefficients[j]);
+        for (int v = 0; v < num_vectors; ++v) {
+            sums[v] = hn::MulAdd(factor, hn::LoadU(d, columns + v * lanes), sums[v]);
+        }
+    }
+    for (int v = 0; v < num_vectors; ++v) {
+        hn::StoreU(sums[v], d, out + v * lanes);
+    }
+}
+
+inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows, int num_columns,
+                        const float* coefficients, float* out)
+{
+    constexpr int num_vectors = lanes == 16 ? 16 : 8; // as many as half the registers hold
+    int r = 0;
+    for (; r + num_vectors * lanes <= num_rows; r += num_vectors * lanes) {
+        add_columns_to_tile<num_vectors>(columns + r, step, num_columns, coefficients, out + r);
+    }
+    for (; r + lanes <= num_rows; r += lanes) {
+        add_columns_to_tile<1>(columns + r, step, num_columns, coefficients, out + r);
+    }
+    for (int j = 0; j < num_columns; ++j) {
+        for (int rest = r; rest < num_rows; ++rest) {
+            out[rest] += coefficients[j] * columns[j * step + rest];
+        }
+    }
+}
+
 inline void combine_grams(const float* grams, int width, const float* scales, float* gram)
 {
     const Floats d;
@@ -519,6 +559,7 @@ inline void transform_points(const float* points, int step, int count, const flo
     static const Kernels kernels = {hwy::TargetName(HWY_TARGET),
                                     combine_panels,
                                     combine_panels_int16,
+                                    add_columns,
                                     combine_grams,
                                     project_rows,
                                     multiply_rows,

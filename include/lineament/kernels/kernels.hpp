@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace lineament::kernels {
@@ -38,6 +39,10 @@ struct Kernels
     /// The same of panels in 16-bit integers; the columns' scales are part of the coefficients.
     void (*combine_panels_int16)(const float* base, const std::int16_t* panels, int num_panels, int num_columns,
                                  const float* coefficients, float* out);
+
+    /// out[r] += sum_j coefficients[j] columns[j step + r] for r < num_rows, of any alignment.
+    void (*add_columns)(const float* columns, std::ptrdiff_t step, int num_rows, int num_columns,
+                        const float* coefficients, float* out);
 
     /// gram = sum of six matrices scales[g] grams[g width^2 ...], upper triangle (more may be written).
     void (*combine_grams)(const float* grams, int width, const float* scales, float* gram);

@@ -27,6 +27,16 @@ void combine_panels(const float* base, const T* panels, int num_panels, int num_
     }
 }
 
+inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows, int num_columns,
+                        const float* coefficients, float* out)
+{
+    for (int j = 0; j < num_columns; ++j, columns += step) {
+        for (int r = 0; r < num_rows; ++r) {
+            out[r] += coefficients[j] * columns[r];
+        }
+    }
+}
+
 inline void combine_grams(const float* grams, int width, const float* scales, float* gram)
 {
     const int size = width * width;
@@ -292,6 +302,7 @@ namespace lineament::kernels {
     static constexpr Kernels table = {"scalar",
                                       scalar::combine_panels<float>,
                                       scalar::combine_panels<std::int16_t>,
+                                      scalar::add_columns,
                                       scalar::combine_grams,
                                       scalar::project_rows,
                                       scalar::multiply_rows,
