@@ -46,7 +46,7 @@ struct JointOptions
     std::optional<double> phi_sigma_per_mm = std::nullopt;    ///< Unknown focal length, the same in all images: the
                                                               ///< prior's width of the inverse distance (0.002 suits
                                                               ///< selfies). Neither: scaled orthographic.
-    int rounds = 4;          ///< Of weights and outline matches, >= 1; after the last they are frozen.
+    int rounds = 3;          ///< Of weights and outline matches, >= 1; after the last they are frozen.
     int max_iterations = 60; ///< Steps of the last round, >= 1.
     double tolerance = 1e-4; ///< The last round ends when what is left to go is this many posterior standard
                              ///< deviations, > 0.
