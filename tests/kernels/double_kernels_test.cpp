@@ -82,15 +82,16 @@ TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
     EXPECT_THAT(projected, IsNear(expected, 1e-6));
 }
 
-TEST_P(DoubleKernelsTest, AddsGramMatrix)
+TEST_P(DoubleKernelsTest, AddsGramMatrixOfLowerTriangle)
 {
-    for (const int width : {8, 40, 72}) {
-        const int num_rows = 21;
-        const AlignedBuffer<double> rows = random_doubles(random, num_rows * width);
+    for (const int n : {1, 8, 21, 40, 70}) {
+        const int width = round_up(n, double_step);
+        AlignedBuffer<double> lower = random_doubles(random, n * width);
+        Eigen::Map<RowMajor>(lower.data(), n, width).triangularView<Eigen::StrictlyUpper>().setZero();
         AlignedBuffer<double> gram = random_doubles(random, width * width);
         const Eigen::MatrixXd before = matrix_of(gram, width, width);
-        kernels.add_double_gram(rows.data(), num_rows, width, gram.data());
-        const Eigen::MatrixXd matrix = matrix_of(rows, num_rows, width);
+        kernels.add_lower_gram(lower.data(), n, width, gram.data());
+        const Eigen::MatrixXd matrix = matrix_of(lower, n, width);
         const Eigen::MatrixXd expected = before + matrix.transpose() * matrix;
         EXPECT_THAT(Eigen::MatrixXd(matrix_of(gram, width, width).triangularView<Eigen::Upper>()),
                     IsNear(Eigen::MatrixXd(expected.triangularView<Eigen::Upper>()), 1e-12));

@@ -86,10 +86,14 @@ public:
             const int width = padded_size(n);
             double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
             std::fill_n(gram, width * width, 0.0);
-            kernels_->add_double_gram(root.data(), static_cast<int>(n), width, gram);
+            kernels_->add_lower_gram(root.data(), static_cast<int>(n), width, gram);
             inverse = Eigen::Map<const Eigen::MatrixXd>(gram, width, width).topLeftCorner(n, n);
         }
-        inverse.triangularView<Eigen::StrictlyUpper>() = inverse.transpose();
+        for (Eigen::Index j = 0; j < n; ++j) {
+            for (Eigen::Index i = j + 1; i < n; ++i) {
+                inverse(j, i) = inverse(i, j);
+            }
+        }
         return inverse;
     }
 

@@ -158,25 +158,26 @@ struct DoubleBlock
 };
 
 template <int num_vectors>
-HWY_INLINE void add_double_gram_block(const double* rows, int num_rows, int width, int i, int c, double* gram)
+HWY_INLINE void add_lower_gram_block(const double* lower, int n, int width, int i, int c, double* gram)
 {
     DoubleBlock<num_vectors> block;
     block.load(gram + i * width + c, width);
-    for (int r = 0; r < num_rows; ++r, rows += width) {
-        block.add(rows + i, rows + c);
+    lower += c * width; // the rows before are 0 there
+    for (int r = c; r < n; ++r, lower += width) {
+        block.add(lower + i, lower + c);
     }
     block.store(gram + i * width + c, width);
 }
 
-inline void add_double_gram(const double* rows, int num_rows, int width, double* gram)
+inline void add_lower_gram(const double* lower, int n, int width, double* gram)
 {
     for (int i = 0; i < width; i += 4) {
         int c = i / double_lanes * double_lanes;
         for (; c + 2 * double_lanes <= width; c += 2 * double_lanes) {
-            add_double_gram_block<2>(rows, num_rows, width, i, c, gram);
+            add_lower_gram_block<2>(lower, n, width, i, c, gram);
         }
         if (c < width) {
-            add_double_gram_block<1>(rows, num_rows, width, i, c, gram);
+            add_lower_gram_block<1>(lower, n, width, i, c, gram);
         }
     }
 }

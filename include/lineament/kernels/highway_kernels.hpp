@@ -573,7 +573,7 @@ inline void transform_points(const float* points, int step, int count, const flo
                                     multiply_double_rows,
                                     add_double_rows,
                                     project_points,
-                                    add_double_gram,
+                                    add_lower_gram,
                                     factor_positive,
                                     solve_factored,
                                     invert_factor};

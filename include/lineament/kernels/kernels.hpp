@@ -100,8 +100,8 @@ struct Kernels
     void (*project_points)(const double* point_rows, int width, int num_points, const double* jacobians, float* out,
                            int out_width);
 
-    /// gram += rows^T rows, upper triangle (more may be written).
-    void (*add_double_gram)(const double* rows, int num_rows, int width, double* gram);
+    /// gram += L^T L of a lower triangular L with n rows of `width` >= n, upper triangle (more may be written).
+    void (*add_lower_gram)(const double* lower, int n, int width, double* gram);
 
     /// Turns the upper triangle of the leading n columns of `system` (n rows), A, into U with A = U^T U, and each
     /// further column b, up to the width, into U^-T b. What is left of the diagonal is not read, and is spoilt. Returns

@@ -219,12 +219,12 @@ inline void project_points(const double* point_rows, int width, int num_points, 
     }
 }
 
-inline void add_double_gram(const double* rows, int num_rows, int width, double* gram)
+inline void add_lower_gram(const double* lower, int n, int width, double* gram)
 {
-    for (int r = 0; r < num_rows; ++r, rows += width) {
-        for (int i = 0; i < width; ++i) {
-            for (int c = i; c < width; ++c) {
-                gram[i * width + c] += rows[i] * rows[c];
+    for (int r = 0; r < n; ++r, lower += width) {
+        for (int i = 0; i <= r; ++i) {
+            for (int c = i; c <= r; ++c) {
+                gram[i * width + c] += lower[i] * lower[c];
             }
         }
     }
@@ -316,7 +316,7 @@ namespace lineament::kernels {
                                       scalar::multiply_double_rows,
                                       scalar::add_double_rows,
                                       scalar::project_points,
-                                      scalar::add_double_gram,
+                                      scalar::add_lower_gram,
                                       scalar::factor_positive,
                                       scalar::solve_factored,
                                       scalar::invert_factor};
