@@ -83,7 +83,7 @@ void combine_grams(benchmark::State& state, const Kernels& kernels)
     AlignedBuffer<float> gram(width * width);
     const float scales[6] = {1, 2, 3, 4, 5, 6};
     for (auto _ : state) {
-        kernels.combine_grams(grams.data(), width, scales, gram.data());
+        kernels.combine_grams(grams.data(), width, width, scales, gram.data());
         benchmark::DoNotOptimize(gram.data());
     }
 }

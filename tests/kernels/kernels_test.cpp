@@ -90,13 +90,20 @@ TEST_P(KernelsTest, CombinesGramMatrices)
         const AlignedBuffer<float> grams = random_floats(random, 6 * width * width);
         const AlignedBuffer<float> scales = random_floats(random, 6);
         AlignedBuffer<float> gram(width * width);
-        kernels.combine_grams(grams.data(), width, scales.data(), gram.data());
+        AlignedBuffer<float> leading_gram(width * width);
+        const int num_columns = width - 11;
+        kernels.combine_grams(grams.data(), width, width, scales.data(), gram.data());
+        kernels.combine_grams(grams.data(), num_columns, width, scales.data(), leading_gram.data());
         Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(width, width);
         for (int g = 0; g < 6; ++g) {
             expected +=
                 scales[g] * Eigen::Map<const RowMajor>(grams.data() + g * width * width, width, width).cast<double>();
         }
         EXPECT_LE(upper_difference(matrix_of(gram, width, width), expected), 1e-5) << width;
+        EXPECT_LE(upper_difference(matrix_of(leading_gram, width, width).topLeftCorner(num_columns, num_columns),
+                                   expected.topLeftCorner(num_columns, num_columns)),
+                  1e-5)
+            << width;
     }
 }
 
@@ -134,13 +141,21 @@ TEST_P(KernelsTest, AddsGramMatrixAndRows)
             const AlignedBuffer<float> rows = random_floats(random, num_rows * width);
             const AlignedBuffer<float> factors = random_floats(random, num_rows);
             AlignedBuffer<float> gram = random_floats(random, width * width);
+            AlignedBuffer<float> leading_gram(width * width);
+            std::copy_n(gram.data(), gram.size(), leading_gram.data());
+            const int num_columns = width - 11;
             AlignedBuffer<float> sums = random_floats(random, width);
             const Eigen::MatrixXd r = matrix_of(rows, num_rows, width);
             const Eigen::MatrixXd expected_gram = matrix_of(gram, width, width) + r.transpose() * r;
             const Eigen::MatrixXd expected_sums = matrix_of(sums, 1, width) + matrix_of(factors, 1, num_rows) * r;
             kernels.add_gram(rows.data(), num_rows, width, gram.data());
+            kernels.add_leading_gram(rows.data(), num_rows, num_columns, width, leading_gram.data());
             kernels.add_rows(rows.data(), num_rows, width, factors.data(), sums.data());
             EXPECT_LE(upper_difference(matrix_of(gram, width, width), expected_gram), 1e-4) << width << " " << num_rows;
+            EXPECT_LE(upper_difference(matrix_of(leading_gram, width, width).topLeftCorner(num_columns, num_columns),
+                                       expected_gram.topLeftCorner(num_columns, num_columns)),
+                      1e-4)
+                << width << " " << num_rows;
             EXPECT_LE(max_difference(matrix_of(sums, 1, width), expected_sums), 1e-4) << width << " " << num_rows;
         }
     }
@@ -307,6 +322,50 @@ TEST_P(KernelsTest, AddsColumnsOfAnyAlignment)
             kernels.add_columns(columns.data(), step, num_rows, num_columns, coefficients.data(), out.data() + 1);
             EXPECT_LE(max_difference(matrix_of(out, num_rows + 2, 1), expected), 1e-5)
                 << num_rows << " " << num_columns;
+        }
+    }
+}
+
+TEST_P(KernelsTest, FindsTheFirstNearestPointOfEach)
+{
+    for (const int count : {1, 2, 7, 8, 9, 21, 104}) {
+        for (const int num_to : {1, 2, 7, 8, 11}) {
+            AlignedBuffer<double> u(count), v(count), to_u(round_up(num_to, 8)), to_v(round_up(num_to, 8));
+            for (AlignedBuffer<double>* values : {&u, &v, &to_u, &to_v}) { // whole numbers: many distances are equal
+                std::generate_n(values->data(), values->size(), [&] { return std::round(random.uniform(-3, 3)); });
+            }
+            std::vector<int> nearest(num_to, -1);
+            std::vector<int> plain(num_to, -1);
+            kernels.nearest_points(u.data(), v.data(), count, to_u.data(), to_v.data(), num_to, nearest.data());
+            scalar::nearest_points(u.data(), v.data(), count, to_u.data(), to_v.data(), num_to, plain.data());
+            EXPECT_EQ(nearest, plain);
+            AlignedBuffer<double> squared(count);
+            for (int j = 0; j < num_to; ++j) {
+                EXPECT_EQ(nearest[j],
+                          scalar::nearest_point(u.data(), v.data(), count, to_u[j], to_v[j], squared.data()));
+            }
+        }
+    }
+}
+
+TEST_P(KernelsTest, SeesPoints)
+{
+    for (const int count : {1, 5, 8, 51}) {
+        const int padded = round_up(count, 8);
+        const AlignedBuffer<float> points = random_floats(random, 3 * padded + 3);
+        AlignedBuffer<double> m(8), u(padded), v(padded), plain_u(padded), plain_v(padded);
+        std::generate_n(m.data(), m.size(), [&] { return random.normal(); });
+        const float* const from = points.data() + 3;
+        kernels.see_points(from, count, m.data(), u.data(), v.data());
+        scalar::see_points(from, count, m.data(), plain_u.data(), plain_v.data());
+        const Eigen::Map<const Eigen::Matrix<double, 2, 4, Eigen::RowMajor>> camera(m.data());
+        for (int i = 0; i < count; ++i) {
+            const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(from + 3 * i).cast<double>();
+            const Eigen::Vector2d expected = camera.leftCols<3>() * point + camera.col(3);
+            EXPECT_NEAR(u[i], expected.x(), 1e-13);
+            EXPECT_NEAR(v[i], expected.y(), 1e-13);
+            EXPECT_NEAR(plain_u[i], expected.x(), 1e-13);
+            EXPECT_NEAR(plain_v[i], expected.y(), 1e-13);
         }
     }
 }

@@ -42,6 +42,12 @@ struct HeadAngles
             std::atan2(head(1, 0), head(1, 1))};
 }
 
+/// angles_from_rotation(camera_from_model).yaw alone.
+[[nodiscard]] inline double yaw_from_rotation(const Eigen::Matrix3d& camera_from_model)
+{
+    return std::atan2(camera_from_model(0, 2), -camera_from_model(2, 2));
+}
+
 /// The rotation `camera_from_model` with these angles.
 [[nodiscard]] inline Eigen::Matrix3d rotation_from_angles(const HeadAngles& angles)
 {

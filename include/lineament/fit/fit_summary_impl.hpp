@@ -64,25 +64,42 @@ inline void add_used_point(const Eigen::Vector2d& fitted_px, double weight, doub
     landmark.weight = weight / largest_weight;
 }
 
-/// Once every point is counted: error, priors and degrees of freedom.
-inline void sum_up(const FitOptions& options, FitResult& result)
+/// Sums over the landmarks that a fit used.
+struct UsedLandmarks
 {
-    int num_used = 0;
-    double sum = 0;
-    DistanceJudge distances(result.camera.scale_px_per_mm);
-    for (const FittedLandmark& landmark : result.landmarks) {
-        if (landmark.weight > 0) {
-            ++num_used;
-            const double squared = (landmark.fitted_px - landmark.point_px).squaredNorm();
-            sum += squared;
-            distances.add(landmark.weight, squared);
-        }
+    DistanceJudge distances;
+    int count = 0;
+    double squares = 0.0;
+
+    void add(double weight, double squared_distance_px)
+    {
+        ++count;
+        squares += squared_distance_px;
+        distances.add(weight, squared_distance_px);
     }
-    distances.judge(result);
-    result.rms_px = std::sqrt(sum / num_used);
+};
+
+/// Once every landmark is in `used`, and every point in result.chi_square: error, priors and degrees of freedom.
+/// @param used  A copy, so that the caller's sums can stay in registers.
+inline void sum_up(const FitOptions& options, UsedLandmarks used, FitResult& result)
+{
+    used.distances.judge(result);
+    result.rms_px = std::sqrt(used.squares / used.count);
     result.chi_square += options.regularization * result.shape_coefficients.squaredNorm() +
                          (result.expression_coefficients / options.expression_sigma).squaredNorm();
-    result.degrees_of_freedom = 2 * num_used - 6;
+    result.degrees_of_freedom = 2 * used.count - 6;
+}
+
+/// The same of result.landmarks.
+inline void sum_up(const FitOptions& options, FitResult& result)
+{
+    UsedLandmarks used = {DistanceJudge(result.camera.scale_px_per_mm)};
+    for (const FittedLandmark& landmark : result.landmarks) {
+        if (landmark.weight > 0) {
+            used.add(landmark.weight, (landmark.fitted_px - landmark.point_px).squaredNorm());
+        }
+    }
+    sum_up(options, used, result);
 }
 
 } // namespace lineament::detail

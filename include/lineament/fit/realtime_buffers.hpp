@@ -112,6 +112,7 @@ struct RealtimePack
 
     std::vector<MapEntry> map = {};
     PointPanels fixed = {}; ///< Landmarks tied to their points.
+    int first_match = 0;    ///< Points of a fit are the fixed ones, and from here on, a multiple of 8, the matches.
     PointPanels rest = {};  ///< The others, for the result only.
     PointRows fixed_rows = {};
     std::vector<double> fixed_information = {}; ///< Weight of each before scale and confidence.
@@ -183,31 +184,17 @@ struct DepthCells
     int columns = 0, rows = 0;
 };
 
-struct OutlineLandmark
+/// The outline landmarks of one side.
+struct OutlineLandmarks
 {
-    int landmark_index;
-    double u, v;             ///< [px], from the principal point.
-    double information;      ///< Weight before scale.
-    double root_information; ///< Its root.
-};
-
-/// Those of one side.
-class OutlineLandmarks
-{
-public:
     static constexpr int max_count = 8;
 
-    void clear() { count_ = 0; }
-    void add(const OutlineLandmark& landmark) { landmarks_[count_++] = landmark; } ///< At most max_count.
-    [[nodiscard]] int count() const { return count_; }
-    [[nodiscard]] OutlineLandmark* begin() { return landmarks_.data(); }
-    [[nodiscard]] OutlineLandmark* end() { return landmarks_.data() + count_; }
-    [[nodiscard]] const OutlineLandmark* begin() const { return landmarks_.data(); }
-    [[nodiscard]] const OutlineLandmark* end() const { return landmarks_.data() + count_; }
-
-private:
-    std::array<OutlineLandmark, max_count> landmarks_ = {};
-    int count_ = 0;
+    int count = 0;
+    std::array<int, max_count> landmark_indices = {};
+    alignas(64) std::array<double, max_count> u = {}; ///< [px], from the principal point.
+    alignas(64) std::array<double, max_count> v = {};
+    std::array<double, max_count> information = {};      ///< Weight before scale.
+    std::array<double, max_count> root_information = {}; ///< Its root.
 };
 
 /// What the fit of one image keeps from step to step, beside the identity.
@@ -216,8 +203,8 @@ struct RealtimeFrame
     std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
     std::vector<int> map_indices = {};       ///< Of each landmark given.
     bool is_plain = false; ///< The landmarks were the map's, in its order, seen for certain and without depth.
-    AlignedBuffer<double> fixed_u = {}, fixed_v = {}; ///< [px], from the principal point.
-    AlignedBuffer<double> fixed_information = {};     ///< Weight before scale; 0: not seen.
+    AlignedBuffer<double> seen_u = {}, seen_v = {}; ///< Where its points are seen [px], from the principal point.
+    AlignedBuffer<double> information = {};         ///< Weight before scale; 0: not seen, or no point.
     std::vector<std::optional<double>> fixed_depth_px = {};
     std::array<OutlineLandmarks, 2> outline = {}; ///< By FaceSide.
     bool has_outline = false;
@@ -229,8 +216,6 @@ struct RealtimeFrame
     std::vector<int> match_rows = {}; ///< Of them.
     int num_silhouette_matches = 0;   ///< They follow each other, from first_silhouette_match on.
     int first_silhouette_match = 0;
-    AlignedBuffer<double> match_u = {}, match_v = {};
-    AlignedBuffer<double> match_information = {}; ///< Weight before scale, 0 from the last match to a multiple of 8.
     std::vector<double> match_root_information = {};
 
     std::vector<double> psi = {};
@@ -266,9 +251,10 @@ struct RealtimeBuffers
     std::vector<double> alpha = {};
     AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
 
-    AlignedBuffer<float> fixed = {}, rest = {}; ///< S(a, psi).
-    std::vector<int> new_rows = {};             ///< Matched, but not known of this identity.
-    AlignedBuffer<float> new_points = {}, match_offset = {}, match_positions = {};
+    AlignedBuffer<float> points = {}; ///< S(a, psi) of fixed points and matches.
+    AlignedBuffer<float> rest = {};   ///< And of the others.
+    std::vector<int> new_rows = {};   ///< Matched, but not known of this identity.
+    AlignedBuffer<float> new_points = {}, match_offset = {};
 
     std::vector<int> present = {};
     std::vector<float> roots = {};
@@ -289,6 +275,7 @@ struct RealtimeBuffers
     std::vector<Eigen::Array4f> occluders_seen = {};               ///< x, y and depth [mm].
     std::vector<Eigen::Array4f> group_lows = {}, group_highs = {}; ///< Of each group the box.
     AlignedBuffer<double> projected_u = {}, projected_v = {}, squared_distances = {};
+    AlignedBuffer<double> fitted_u = {}, fitted_v = {};
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
     AlignedBuffer<float> batch_coefficients = {}; ///< Of batch_size faces.

@@ -21,11 +21,11 @@ inline void RealtimeFit::match_contour()
 {
     if (frame_.has_outline) {
         const FitOptions& options = fitter_.reference_.options();
-        frame_.view = contour_view(angles_from_rotation(frame_.camera.camera_from_model).yaw, frame_.view,
-                                   options.contour_matching);
+        frame_.view =
+            contour_view(yaw_from_rotation(frame_.camera.camera_from_model), frame_.view, options.contour_matching);
         clear_matches();
         for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
-            if (frame_.outline[static_cast<int>(side)].count() == 0) {
+            if (frame_.outline[static_cast<int>(side)].count == 0) {
                 continue;
             }
             if (frame_.view != (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left)) {
@@ -37,7 +37,7 @@ inline void RealtimeFit::match_contour()
                 frame_.num_silhouette_matches = static_cast<int>(frame_.matches.size()) - frame_.first_silhouette_match;
             }
         }
-        std::fill_n(frame_.match_information.data() + frame_.matches.size(), 8, 0.0);
+        std::fill_n(frame_.information.data() + num_points(), 8, 0.0);
         update_match_positions();
     }
     set_scale();
@@ -51,15 +51,39 @@ inline void RealtimeFit::clear_matches()
     frame_.num_silhouette_matches = 0;
 }
 
-inline void RealtimeFit::add_match(const OutlineLandmark& landmark, int row, int candidate)
+/// On the silhouette.
+inline void RealtimeFit::add_match(const OutlineLandmarks& outline, int landmark, int row)
 {
-    const std::size_t i = frame_.matches.size();
-    frame_.matches.push_back({landmark.landmark_index, row, candidate});
+    const int point = num_points();
+    frame_.matches.push_back({outline.landmark_indices[landmark], row, -1});
     frame_.match_rows.push_back(row);
-    frame_.match_u[i] = landmark.u;
-    frame_.match_v[i] = landmark.v;
-    frame_.match_information[i] = landmark.information;
-    frame_.match_root_information.push_back(landmark.root_information);
+    frame_.seen_u[point] = outline.u[landmark];
+    frame_.seen_v[point] = outline.v[landmark];
+    frame_.information[point] = outline.information[landmark];
+    frame_.match_root_information.push_back(outline.root_information[landmark]);
+}
+
+/// Of every landmark of a side with its nearest candidate.
+inline void RealtimeFit::add_candidate_matches(const OutlineLandmarks& outline, const ContourRegion& region,
+                                               const int* nearest)
+{
+    const int point = num_points();
+    const std::size_t first = frame_.matches.size();
+    const std::size_t count = static_cast<std::size_t>(outline.count);
+    std::copy(outline.u.begin(), outline.u.end(), frame_.seen_u.data() + point); // whole vectors, more than are used
+    std::copy(outline.v.begin(), outline.v.end(), frame_.seen_v.data() + point);
+    std::copy(outline.information.begin(), outline.information.end(), frame_.information.data() + point);
+    frame_.matches.resize(first + count);
+    frame_.match_rows.resize(first + count);
+    frame_.match_root_information.resize(first + count);
+    RealtimeMatch* const matches = frame_.matches.data() + first;
+    int* const rows = frame_.match_rows.data() + first;
+    double* const root_information = frame_.match_root_information.data() + first;
+    for (std::size_t i = 0; i < count; ++i) {
+        rows[i] = region.candidate_rows[nearest[i]];
+        matches[i] = {outline.landmark_indices[i], rows[i], region.first_candidate + nearest[i]};
+        root_information[i] = outline.root_information[i];
+    }
 }
 
 /// Ends a list of projected points as kernels read it.
@@ -70,12 +94,12 @@ inline void end_projected(int count, RealtimeBuffers& work)
     std::fill_n(work.projected_v.data() + count, padding, std::numeric_limits<double>::infinity());
 }
 
-/// Position of the projected point nearest to the landmark, the first of equals, and the squared distance.
-inline std::pair<int, double> RealtimeFit::nearest_projected(int count, const OutlineLandmark& landmark)
+/// Position of the projected point nearest to (u, v), the first of equals, and the squared distance.
+inline std::pair<int, double> RealtimeFit::nearest_projected(int count, double u, double v)
 {
     double* squared = work_.squared_distances.data();
-    const int nearest = kernels_.nearest_point(work_.projected_u.data(), work_.projected_v.data(), count, landmark.u,
-                                               landmark.v, squared);
+    const int nearest =
+        kernels_.nearest_point(work_.projected_u.data(), work_.projected_v.data(), count, u, v, squared);
     return {nearest, squared[nearest]};
 }
 
@@ -88,25 +112,29 @@ inline std::pair<int, double> RealtimeFit::nearest_projected(int count, const Ou
             s * (r(1, 0) * x + r(1, 1) * y + r(1, 2) * z + camera.translation_mm.y())};
 }
 
+/// Where points x0 y0 z0 x1 ... are seen [px from the principal point]; whole vectors of them are read and written.
+inline void RealtimeFit::project(const float* points, int count, AlignedBuffer<double>& u,
+                                 AlignedBuffer<double>& v) const
+{
+    const std::array<double, 8> m = image_from_model();
+    kernels_.see_points(points, count, m.data(), u.data(), v.data());
+}
+
 inline void RealtimeFit::match_candidates(FaceSide side_name)
 {
     const int side = static_cast<int>(side_name);
     const ContourRegion& region = pack_.regions[side];
     evaluate_candidates();
-    const float* points = work_.candidates.data() + 3 * region.first_candidate;
     const int count = static_cast<int>(region.candidate_rows.size());
-    for (int i = 0; i < count; ++i) {
-        const Eigen::Vector2d seen = project_point(frame_.camera, points[3 * i], points[3 * i + 1], points[3 * i + 2]);
-        work_.projected_u[i] = seen.x();
-        work_.projected_v[i] = seen.y();
+    if (count == 0) {
+        return;
     }
-    end_projected(count, work_);
-    for (const OutlineLandmark& landmark : frame_.outline[side]) {
-        if (count > 0) {
-            const int nearest = nearest_projected(count, landmark).first;
-            add_match(landmark, region.candidate_rows[nearest], region.first_candidate + nearest);
-        }
-    }
+    project(work_.candidates.data() + 3 * region.first_candidate, count, work_.projected_u, work_.projected_v);
+    const OutlineLandmarks& outline = frame_.outline[side];
+    int nearest[OutlineLandmarks::max_count];
+    kernels_.nearest_points(work_.projected_u.data(), work_.projected_v.data(), count, outline.u.data(),
+                            outline.v.data(), outline.count, nearest);
+    add_candidate_matches(outline, region, nearest);
 }
 
 inline void RealtimeFit::match_silhouette(FaceSide side_name)
@@ -142,32 +170,32 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
     const auto is_near = [&](double squared) { return squared < infinity && std::sqrt(squared) <= max_distance_px; };
     const OutlineLandmarks& outline = frame_.outline[side];
     if (options.occluding_match == OccludingMatch::landmark_to_silhouette) {
-        for (const OutlineLandmark& landmark : outline) {
+        for (int i = 0; i < outline.count; ++i) {
             // Hidden points are dropped when they are about to be matched: few are ever asked.
-            auto [nearest, squared] = nearest_projected(count, landmark);
+            auto [nearest, squared] = nearest_projected(count, outline.u[i], outline.v[i]);
             while (is_near(squared) && hidden(nearest)) {
                 work_.projected_u[nearest] = infinity;
-                std::tie(nearest, squared) = nearest_projected(count, landmark);
+                std::tie(nearest, squared) = nearest_projected(count, outline.u[i], outline.v[i]);
             }
             if (is_near(squared)) {
-                add_match(landmark, work_.projected_rows[nearest], -1);
+                add_match(outline, i, work_.projected_rows[nearest]);
             }
         }
         return;
     }
     for (int i = 0; i < count; ++i) {
-        const OutlineLandmark* nearest = nullptr;
+        int nearest = -1;
         double least = infinity;
-        for (const OutlineLandmark& landmark : outline) {
-            const double du = landmark.u - work_.projected_u[i];
-            const double dv = landmark.v - work_.projected_v[i];
+        for (int l = 0; l < outline.count; ++l) {
+            const double du = outline.u[l] - work_.projected_u[i];
+            const double dv = outline.v[l] - work_.projected_v[i];
             if (du * du + dv * dv < least) {
                 least = du * du + dv * dv;
-                nearest = &landmark;
+                nearest = l;
             }
         }
         if (is_near(least) && !hidden(i)) {
-            add_match(*nearest, work_.projected_rows[i], -1);
+            add_match(outline, nearest, work_.projected_rows[i]);
         }
     }
 }

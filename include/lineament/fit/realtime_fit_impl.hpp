@@ -9,6 +9,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 
 namespace lineament::detail {
 
@@ -43,6 +45,9 @@ public:
     void write(FitResult& result, int iterations);
 
 private:
+    void write_landmarks(FitResult& result);
+    [[nodiscard]] int write_used_landmarks(FitResult& result);
+    void write_other_landmarks(FitResult& result);
     [[nodiscard]] bool read_landmarks();
     [[nodiscard]] bool read_places();
     [[nodiscard]] bool read_expressions(const FitResult* start);
@@ -57,13 +62,15 @@ private:
     void update_silhouette_neutral();
 
     void match_contour();
-    [[nodiscard]] std::pair<int, double> nearest_projected(int count, const OutlineLandmark& landmark);
+    void project(const float* points, int count, AlignedBuffer<double>& u, AlignedBuffer<double>& v) const;
+    [[nodiscard]] std::pair<int, double> nearest_projected(int count, double u, double v);
     void match_candidates(FaceSide side);
     void match_silhouette(FaceSide side);
     void find_silhouette(const ContourRegion& region);
     void see_occluders();
     [[nodiscard]] bool is_hidden(float x, float y, float depth) const;
-    void add_match(const OutlineLandmark& landmark, int row, int candidate);
+    void add_match(const OutlineLandmarks& outline, int landmark, int row);
+    void add_candidate_matches(const OutlineLandmarks& outline, const ContourRegion& region, const int* nearest);
     void clear_matches();
 
     void set_scale();
@@ -71,9 +78,10 @@ private:
     [[nodiscard]] bool estimate_pose_closed_form(const double* moments);
     void update_jacobian();
     [[nodiscard]] std::array<double, 8> image_from_model() const;
+    void update_factors();
     void update_residuals();
     [[nodiscard]] std::array<double, 6> gram_factors() const;
-    void add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int width,
+    void add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int num_columns, int width,
                            const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram);
     void add_right_side(const AlignedBuffer<float>& fixed_rows, int width);
     void fit_identity();
@@ -89,7 +97,10 @@ private:
         Eigen::VectorXd weights;
     };
     [[nodiscard]] Reference reference_points() const;
-    [[nodiscard]] double fixed_weight(int f) const { return frame_.scale_factor * frame_.fixed_information[f]; }
+    [[nodiscard]] int num_matches() const { return static_cast<int>(frame_.matches.size()); }
+    /// Of points: fixed ones, and matches from pack_.first_match on.
+    [[nodiscard]] int num_points() const { return pack_.first_match + num_matches(); }
+    [[nodiscard]] double weight(int point) const { return frame_.scale_factor * frame_.information[point]; }
 
     const RealtimeFitter& fitter_;
     const RealtimePack& pack_;
@@ -105,18 +116,24 @@ private:
     std::string identity_reason_ = {};
 };
 
-/// Of names of a few characters faster than a call.
+/// Of names of up to three characters faster than a call. Theirs end with a null, so that each but the empty one has
+/// two characters to read at its beginning and from its last one on.
 [[nodiscard]] inline bool is_same_name(const std::string& a, const std::string& b)
 {
-    if (a.size() != b.size()) {
+    const std::size_t size = a.size();
+    if (size != b.size()) {
         return false;
     }
-    for (std::size_t i = 0; i < a.size(); ++i) {
-        if (a[i] != b[i]) {
-            return false;
-        }
+    if (size == 0 || size > 3) {
+        return a == b;
     }
-    return true;
+    const auto is_same_at = [&](std::size_t at) {
+        std::uint16_t of_a = 0, of_b = 0;
+        std::memcpy(&of_a, a.data() + at, 2);
+        std::memcpy(&of_b, b.data() + at, 2);
+        return of_a == of_b;
+    };
+    return is_same_at(0) && is_same_at(size - 1);
 }
 
 /// After plain landmarks, plain ones again: only their places are new. False, with nothing changed, for others.
@@ -127,25 +144,30 @@ inline bool RealtimeFit::read_places()
     if (!frame_.is_plain || landmarks.size() != names.size()) {
         return false;
     }
+    const std::string* const expected = names.data();
     for (std::size_t l = 0; l < names.size(); ++l) {
         const Landmark& landmark = landmarks[l];
-        if (!is_same_name(landmark.name, names[l]) || landmark.confidence != 1 || landmark.depth_px ||
+        if (!is_same_name(landmark.name, expected[l]) || landmark.confidence != 1 || landmark.depth_px ||
             !(std::abs(landmark.point_px.x()) <= max_coordinate_px) ||
             !(std::abs(landmark.point_px.y()) <= max_coordinate_px)) {
             return false;
         }
     }
     const Eigen::Vector2d principal_point_px = frame_.camera.principal_point_px;
-    for (int f = 0; f < pack_.fixed.num_points; ++f) {
-        const Eigen::Vector2d point = landmarks[frame_.landmark_of_fixed[f]].point_px - principal_point_px;
-        frame_.fixed_u[f] = point.x();
-        frame_.fixed_v[f] = point.y();
+    const int* const landmark_of_fixed = frame_.landmark_of_fixed.data();
+    const int num_fixed = pack_.fixed.num_points;
+    double* const seen_u = frame_.seen_u.data();
+    double* const seen_v = frame_.seen_v.data();
+    for (int f = 0; f < num_fixed; ++f) {
+        const Eigen::Vector2d point = landmarks[landmark_of_fixed[f]].point_px - principal_point_px;
+        seen_u[f] = point.x();
+        seen_v[f] = point.y();
     }
     for (OutlineLandmarks& outline : frame_.outline) {
-        for (OutlineLandmark& landmark : outline) {
-            const Eigen::Vector2d point = landmarks[landmark.landmark_index].point_px - principal_point_px;
-            landmark.u = point.x();
-            landmark.v = point.y();
+        for (int i = 0; i < outline.count; ++i) {
+            const Eigen::Vector2d point = landmarks[outline.landmark_indices[i]].point_px - principal_point_px;
+            outline.u[i] = point.x();
+            outline.v[i] = point.y();
         }
     }
     return true;
@@ -171,10 +193,10 @@ inline bool RealtimeFit::read_landmarks()
     frame_.has_outline = false;
     frame_.has_depth = false;
     std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
-    std::fill_n(frame_.fixed_information.data(), frame_.fixed_information.size(), 0.0);
+    std::fill_n(frame_.information.data(), pack_.fixed.num_points, 0.0);
     frame_.map_indices.resize(count);
-    frame_.outline[0].clear();
-    frame_.outline[1].clear();
+    frame_.outline[0].count = 0;
+    frame_.outline[1].count = 0;
     for (std::size_t l = 0; l < count; ++l) {
         const Landmark& landmark = landmarks_.landmarks[l];
         const double confidence = landmark.confidence;
@@ -204,21 +226,25 @@ inline bool RealtimeFit::read_landmarks()
                 return false; // seen twice
             }
             frame_.landmark_of_fixed[f] = static_cast<int>(l);
-            frame_.fixed_u[f] = point.x();
-            frame_.fixed_v[f] = point.y();
-            frame_.fixed_information[f] = pack_.fixed_information[f] * confidence;
+            frame_.seen_u[f] = point.x();
+            frame_.seen_v[f] = point.y();
+            frame_.information[f] = pack_.fixed_information[f] * confidence;
             frame_.fixed_depth_px[f] = landmark.depth_px;
             frame_.has_depth = frame_.has_depth || landmark.depth_px;
             is_certain = is_certain && confidence == 1;
             ++num_fixed_seen;
         } else if (entry.is_outline && pack_.has_contour) {
             OutlineLandmarks& outline = frame_.outline[static_cast<int>(entry.side)];
-            if (outline.count() == OutlineLandmarks::max_count) {
+            if (outline.count == OutlineLandmarks::max_count) {
                 return false;
             }
+            const int i = outline.count++;
             const double information = confidence * pack_.contour_information;
-            outline.add({static_cast<int>(l), point.x(), point.y(), information,
-                         confidence == 1 ? pack_.root_contour_information : std::sqrt(information)});
+            outline.landmark_indices[i] = static_cast<int>(l);
+            outline.u[i] = point.x();
+            outline.v[i] = point.y();
+            outline.information[i] = information;
+            outline.root_information[i] = confidence == 1 ? pack_.root_contour_information : std::sqrt(information);
             frame_.has_outline = frame_.has_outline || entry.is_measured;
         }
     }
@@ -401,7 +427,7 @@ inline void RealtimeFit::update_silhouette_neutral()
 /// Fixed and matched points with the present expression.
 inline void RealtimeFit::update_positions()
 {
-    evaluate(PointSet::fixed, work_.fixed);
+    evaluate(PointSet::fixed, work_.points);
     update_match_positions();
 }
 
@@ -420,7 +446,7 @@ inline void RealtimeFit::update_match_positions()
     }
     const float* contour = (frozen_ ? frozen_->neutral_ : work_.neutral).contour.data();
     const float* offset = work_.match_offset.data();
-    float* position = work_.match_positions.data();
+    float* position = work_.points.data() + 3 * pack_.first_match;
     for (const RealtimeMatch& match : frame_.matches) {
         if (match.candidate >= 0) {
             std::copy_n(work_.candidates.data() + 3 * match.candidate, 3, position);

@@ -35,7 +35,7 @@ inline void clear(IdentitySums& sums)
 
 inline void RealtimeFit::add_to(IdentitySums& sums)
 {
-    update_residuals();
+    update_factors();
     const std::array<double, 6> factors = gram_factors();
     const auto add_information = [&](double weight, double* to) {
         for (int g = 0; g < 6; ++g) {
@@ -47,23 +47,22 @@ inline void RealtimeFit::add_to(IdentitySums& sums)
     } else {
         sums.has_fixed_information = true;
         for (int i = 0; i < pack_.fixed.num_points; ++i) {
-            add_information(frame_.fixed_information[i], &sums.fixed_information[6 * i]);
+            add_information(frame_.information[i], &sums.fixed_information[6 * i]);
         }
     }
     for (int i = 0; i < 3 * pack_.fixed.num_points; ++i) {
         sums.fixed_right_side[i] += work_.factors[i];
     }
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        const int row = frame_.matches[i].row;
+    const float* match_factors = work_.factors.data() + 3 * pack_.first_match;
+    for (int i = 0; i < num_matches(); ++i) {
+        const int row = frame_.match_rows[i];
         if (!sums.is_touched[row]) {
             sums.is_touched[row] = 1;
             sums.touched.push_back(row);
         }
-        add_information(frame_.match_information[i], &sums.contour_information[6 * row]);
-        const double root = work_.match_roots[i]; // residuals come with it once
+        add_information(frame_.information[pack_.first_match + i], &sums.contour_information[6 * row]);
         for (int axis = 0; axis < 3; ++axis) {
-            sums.contour_right_side[3 * row + axis] += root * (frame_.jacobian[axis] * work_.residuals[2 * i] +
-                                                               frame_.jacobian[3 + axis] * work_.residuals[2 * i + 1]);
+            sums.contour_right_side[3 * row + axis] += match_factors[3 * i + axis];
         }
     }
 }
@@ -204,7 +203,7 @@ inline bool RealtimeFramesFit::solve_identity(double regularization)
     const int width = pack_.shape_width;
     float scales[6];
     std::copy(sums.grams.begin(), sums.grams.end(), scales);
-    kernels_.combine_grams(pack_.identity_grams.data(), width, scales, work_.system.data());
+    kernels_.combine_grams(pack_.identity_grams.data(), width, width, scales, work_.system.data());
     for (int i = 0; i < pack_.fixed.num_points && sums.has_fixed_information; ++i) {
         add_rows_of(pack_.fixed_rows, i, &sums.fixed_information[6 * i]);
     }

@@ -276,6 +276,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     };
     const ModelPoints fixed_points = points_of(fixed);
     pack.fixed = make_panels(fixed_points, CoordinateOrder::interleaved);
+    pack.first_match = kernels::round_up(pack.fixed.num_points, 8);
     pack.rest = make_panels(points_of(rest), CoordinateOrder::interleaved);
     pack.fixed_rows = make_rows(fixed_points, pack.shape_width, pack.expression_width);
     pack.identity_grams = make_grams(fixed_points.identity, pack.fixed_information, pack.shape_width);
@@ -311,6 +312,12 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     return neutral;
 }
 
+/// Of a fit, with those that whole vectors read beyond.
+[[nodiscard]] inline std::size_t max_points(const RealtimePack& pack)
+{
+    return static_cast<std::size_t>(pack.first_match) + static_cast<std::size_t>(pack.max_matches) + 8;
+}
+
 [[nodiscard]] inline RealtimeFrame make_frame(const RealtimePack& pack)
 {
     const std::size_t num_fixed = static_cast<std::size_t>(pack.fixed.num_points);
@@ -318,15 +325,12 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     RealtimeFrame frame;
     frame.landmark_of_fixed.resize(num_fixed);
     frame.map_indices.reserve(pack.map.size());
-    frame.fixed_u = AlignedBuffer<double>(num_fixed + 8); // whole vectors are read
-    frame.fixed_v = AlignedBuffer<double>(num_fixed + 8);
-    frame.fixed_information = AlignedBuffer<double>(num_fixed + 8);
+    frame.seen_u = AlignedBuffer<double>(max_points(pack));
+    frame.seen_v = AlignedBuffer<double>(max_points(pack));
+    frame.information = AlignedBuffer<double>(max_points(pack));
     frame.fixed_depth_px.resize(num_fixed);
     frame.matches.reserve(max_matches);
     frame.match_rows.reserve(max_matches);
-    frame.match_u = AlignedBuffer<double>(max_matches + 8);
-    frame.match_v = AlignedBuffer<double>(max_matches + 8);
-    frame.match_information = AlignedBuffer<double>(max_matches + 8);
     frame.match_root_information.reserve(max_matches);
     frame.psi.resize(pack.num_expressions);
     frame.bound_state.resize(pack.num_expressions);
@@ -359,15 +363,16 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.alpha.resize(pack.num_shape);
     buffers.alpha_row = AlignedBuffer<float>(pack.shape_width);
     buffers.psi_row = AlignedBuffer<float>(pack.expression_width);
-    buffers.fixed = AlignedBuffer<float>(pack.fixed.size() + 24);
+    buffers.points = AlignedBuffer<float>(std::max(pack.fixed.size(), 3 * max_points(pack)));
+    buffers.fitted_u = AlignedBuffer<double>(max_points(pack));
+    buffers.fitted_v = AlignedBuffer<double>(max_points(pack));
     buffers.rest = AlignedBuffer<float>(pack.rest.size());
     buffers.new_rows.reserve(max_matches);
     buffers.new_points = AlignedBuffer<float>(3 * max_matches);
     buffers.match_offset = AlignedBuffer<float>(3 * max_matches);
-    buffers.match_positions = AlignedBuffer<float>(3 * (max_matches + 8));
     buffers.present.reserve(num_fixed);
     buffers.roots.reserve(num_fixed);
-    buffers.factors = AlignedBuffer<float>(3 * (num_fixed + 8));
+    buffers.factors = AlignedBuffer<float>(3 * max_points(pack));
     buffers.residuals = AlignedBuffer<float>(2 * max_matches);
     buffers.match_roots = AlignedBuffer<float>(max_matches);
     // RealtimeFramesFit needs 64 rows even where there is no outline.
@@ -392,7 +397,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
         region_size = std::max(region_size, region.vertices.size());
     }
     const std::size_t num_projected = std::max(num_seen, static_cast<std::size_t>(pack.candidates.num_points));
-    buffers.candidates = AlignedBuffer<float>(pack.candidates.size());
+    buffers.candidates = AlignedBuffer<float>(pack.candidates.size() + 24); // whole vectors are read
     buffers.region = AlignedBuffer<float>(region_size);
     buffers.seen = AlignedBuffer<float>(region_size);
     buffers.is_facing.resize(num_triangles);

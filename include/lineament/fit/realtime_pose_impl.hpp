@@ -26,10 +26,8 @@ inline bool RealtimeFit::estimate_pose()
 {
     // The common factor of the weights does not matter.
     double moments[kernels::num_pose_moments] = {};
-    kernels_.add_pose_moments(work_.fixed.data(), frame_.fixed_u.data(), frame_.fixed_v.data(),
-                              frame_.fixed_information.data(), pack_.fixed.num_points, moments);
-    kernels_.add_pose_moments(work_.match_positions.data(), frame_.match_u.data(), frame_.match_v.data(),
-                              frame_.match_information.data(), static_cast<int>(frame_.matches.size()), moments);
+    kernels_.add_pose_moments(work_.points.data(), frame_.seen_u.data(), frame_.seen_v.data(),
+                              frame_.information.data(), num_points(), moments);
     if (!estimate_pose_closed_form(moments)) {
         const Reference reference = reference_points();
         const PoseResult pose = lineament::estimate_pose(
@@ -77,23 +75,17 @@ inline void RealtimeFit::turn_by_depth()
     }
     PairMoments all, with_depth;
     int num_with_depth = 0;
-    for (int i = 0; i < pack_.fixed.num_points; ++i) {
-        const double weight = fixed_weight(i);
-        if (weight > 0) {
-            const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(work_.fixed.data() + 3 * i).cast<double>();
-            const std::optional<double>& depth_px = frame_.fixed_depth_px[i];
-            const Eigen::Vector3d seen(frame_.fixed_u[i], frame_.fixed_v[i], depth_px.value_or(0.0));
-            all.add(weight, point, seen);
+    for (int i = 0; i < num_points(); ++i) {
+        if (weight(i) > 0) {
+            const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(work_.points.data() + 3 * i).cast<double>();
+            const std::optional<double> depth_px = i < pack_.fixed.num_points ? frame_.fixed_depth_px[i] : std::nullopt;
+            const Eigen::Vector3d seen(frame_.seen_u[i], frame_.seen_v[i], depth_px.value_or(0.0));
+            all.add(weight(i), point, seen);
             if (depth_px) {
-                with_depth.add(weight, point, seen);
+                with_depth.add(weight(i), point, seen);
                 ++num_with_depth;
             }
         }
-    }
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i) {
-        all.add(frame_.scale_factor * frame_.match_information[i],
-                Eigen::Map<const Eigen::Vector3f>(work_.match_positions.data() + 3 * i).cast<double>(),
-                {frame_.match_u[i], frame_.match_v[i], 0.0});
     }
     // Image points are relative to the principal point here.
     Camera camera = frame_.camera;
@@ -127,25 +119,24 @@ inline bool RealtimeFit::estimate_pose_closed_form(const double* moments)
     if (!(4 * determinant > 2e-4 * trace * trace * trace)) {
         return false;
     }
-    const double d = 1 / determinant;
-    double r1[3] = {d * (ux * cxx + uy * cxy + uz * cxz), d * (ux * cxy + uy * cyy + uz * cyz),
-                    d * (ux * cxz + uy * cyz + uz * czz)};
-    double r2[3] = {d * (vx * cxx + vy * cxy + vz * cxz), d * (vx * cxy + vy * cyy + vz * cyz),
-                    d * (vx * cxz + vy * cyz + vz * czz)};
-    const double n1 = std::sqrt(r1[0] * r1[0] + r1[1] * r1[1] + r1[2] * r1[2]);
-    const double n2 = std::sqrt(r2[0] * r2[0] + r2[1] * r2[1] + r2[2] * r2[2]);
-    const double least = std::min(n1, n2);
-    if (!(least * std::sqrt(trace) > 1e-6) || !(least > 0.01 * std::max(n1, n2))) {
+    // The rows times the determinant: their directions are what is asked for.
+    double r1[3] = {ux * cxx + uy * cxy + uz * cxz, ux * cxy + uy * cyy + uz * cyz, ux * cxz + uy * cyz + uz * czz};
+    double r2[3] = {vx * cxx + vy * cxy + vz * cxz, vx * cxy + vy * cyy + vz * cyz, vx * cxz + vy * cyz + vz * czz};
+    const double squared1 = r1[0] * r1[0] + r1[1] * r1[1] + r1[2] * r1[2];
+    const double squared2 = r2[0] * r2[0] + r2[1] * r2[1] + r2[2] * r2[2];
+    const double least = std::min(squared1, squared2);
+    if (!(least * trace > 1e-12 * determinant * determinant) || !(least > 1e-4 * std::max(squared1, squared2))) {
         return false;
     }
-    const double cosine = (r1[0] * r2[0] + r1[1] * r2[1] + r1[2] * r2[2]) / (n1 * n2);
+    const double inverse1 = 1 / std::sqrt(squared1), inverse2 = 1 / std::sqrt(squared2);
+    const double cosine = (r1[0] * r2[0] + r1[1] * r2[1] + r1[2] * r2[2]) * (inverse1 * inverse2);
     if (!(std::abs(cosine) < 0.999)) {
         return false;
     }
     const double plus = 0.5 / std::sqrt(1 + cosine), minus = 0.5 / std::sqrt(1 - cosine);
     const double same = plus + minus, cross = plus - minus;
     for (int a = 0; a < 3; ++a) {
-        const double first = r1[a] / n1, second = r2[a] / n2;
+        const double first = r1[a] * inverse1, second = r2[a] * inverse2;
         r1[a] = same * first + cross * second;
         r2[a] = cross * first + same * second;
     }
@@ -155,11 +146,12 @@ inline bool RealtimeFit::estimate_pose_closed_form(const double* moments)
         return r[0] * (r[0] * xx + 2 * r[1] * xy + 2 * r[2] * xz) + r[1] * (r[1] * yy + 2 * r[2] * yz) +
                r[2] * r[2] * zz;
     };
-    const double scale = correlation / (variance_along(r1) + variance_along(r2));
+    const double p11 = variance_along(r1), p22 = variance_along(r2); // of the points as posed
+    const double scale = correlation / (p11 + p22);
+    const double inverse_scale = (p11 + p22) / correlation;
     if (!(scale > 1e-9) || -r3z < min_facing_cosine + 1e-6) {
         return false;
     }
-    const double p11 = variance_along(r1), p22 = variance_along(r2); // of the points as posed
     const double p12 = r1[0] * (r2[0] * xx + r2[1] * xy + r2[2] * xz) + r1[1] * (r2[0] * xy + r2[1] * yy + r2[2] * yz) +
                        r1[2] * (r2[0] * xz + r2[1] * yz + r2[2] * zz);
     Eigen::Matrix2d seen, adjugate;
@@ -177,8 +169,8 @@ inline bool RealtimeFit::estimate_pose_closed_form(const double* moments)
     frame_.camera.camera_from_model(2, 1) = r1[2] * r2[0] - r1[0] * r2[2];
     frame_.camera.camera_from_model(2, 2) = r3z;
     frame_.camera.scale_px_per_mm = scale;
-    frame_.camera.translation_mm.x() = mu / scale - (r1[0] * mx + r1[1] * my + r1[2] * mz);
-    frame_.camera.translation_mm.y() = mv / scale - (r2[0] * mx + r2[1] * my + r2[2] * mz);
+    frame_.camera.translation_mm.x() = mu * inverse_scale - (r1[0] * mx + r1[1] * my + r1[2] * mz);
+    frame_.camera.translation_mm.y() = mv * inverse_scale - (r2[0] * mx + r2[1] * my + r2[2] * mz);
     return true;
 }
 

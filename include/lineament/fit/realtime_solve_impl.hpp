@@ -12,18 +12,24 @@
 
 namespace lineament::detail {
 
-/// For the present shape: factors of the rows of fixed points, w J^T (y - x), and of matches the roots of their weights
-/// and the residuals times these.
-inline void RealtimeFit::update_residuals()
+/// For the present shape: factors of the rows of points, w J^T (y - x).
+inline void RealtimeFit::update_factors()
 {
     const std::array<double, 8> m = image_from_model();
-    kernels_.residual_factors(work_.fixed.data(), frame_.fixed_u.data(), frame_.fixed_v.data(),
-                              frame_.fixed_information.data(), frame_.scale_factor, pack_.fixed.num_points, m.data(),
+    kernels_.residual_factors(work_.points.data(), frame_.seen_u.data(), frame_.seen_v.data(),
+                              frame_.information.data(), frame_.scale_factor, num_points(), m.data(),
                               work_.factors.data());
+}
+
+/// And of matches the roots of their weights and the residuals times these.
+inline void RealtimeFit::update_residuals()
+{
+    update_factors();
+    const std::array<double, 8> m = image_from_model();
     const double root_scale_factor = std::sqrt(frame_.scale_factor);
-    const float* p = work_.match_positions.data();
-    const double* u = frame_.match_u.data();
-    const double* v = frame_.match_v.data();
+    const float* p = work_.points.data() + 3 * pack_.first_match;
+    const double* u = frame_.seen_u.data() + pack_.first_match;
+    const double* v = frame_.seen_v.data() + pack_.first_match;
     const double* root_information = frame_.match_root_information.data();
     float* roots = work_.match_roots.data();
     float* residuals = work_.residuals.data();
@@ -47,16 +53,17 @@ inline std::array<double, 6> RealtimeFit::gram_factors() const
     return {f * (1 - x * x), f * (1 - y * y), f * (1 - z * z), -f * x * y, -f * x * z, -f * y * z};
 }
 
-/// sum w (J B)^T J B of all points; leaves the projected rows of the matches in work_.rows.
-inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int width,
-                                           const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram)
+/// sum w (J B)^T J B of all points, in the leading columns; leaves the projected rows of the matches in work_.rows.
+inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows,
+                                           int num_columns, int width, const AlignedBuffer<float>& contour_rows,
+                                           AlignedBuffer<float>& gram)
 {
     const bool is_identity = &grams == &pack_.identity_grams;
     if (frame_.is_nominal) {
         const std::array<double, 6> factors = gram_factors();
         float scales[6];
         std::copy(factors.begin(), factors.end(), scales);
-        kernels_.combine_grams(grams.data(), width, scales, gram.data());
+        kernels_.combine_grams(grams.data(), num_columns, width, scales, gram.data());
     } else {
         std::fill_n(gram.data(), static_cast<std::size_t>(width) * width, 0.0f);
         work_.present.clear();
@@ -64,18 +71,18 @@ inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, co
         for (int i = 0; i < pack_.fixed.num_points; ++i) {
             if (frame_.landmark_of_fixed[i] >= 0) {
                 work_.present.push_back(i);
-                work_.roots.push_back(static_cast<float>(std::sqrt(fixed_weight(i))));
+                work_.roots.push_back(static_cast<float>(std::sqrt(weight(i))));
             }
         }
         kernels_.project_rows((is_identity ? fixed_rows.identity : fixed_rows.expression).data(), width,
                               work_.present.data(), frame_.num_fixed_seen, frame_.jacobian.data(), work_.roots.data(),
                               work_.rows.data());
-        kernels_.add_gram(work_.rows.data(), 2 * frame_.num_fixed_seen, width, gram.data());
+        kernels_.add_leading_gram(work_.rows.data(), 2 * frame_.num_fixed_seen, num_columns, width, gram.data());
     }
     const int count = static_cast<int>(frame_.matches.size());
     kernels_.project_rows(contour_rows.data(), width, frame_.match_rows.data(), count, frame_.jacobian.data(),
                           work_.match_roots.data(), work_.rows.data());
-    kernels_.add_gram(work_.rows.data(), 2 * count, width, gram.data());
+    kernels_.add_leading_gram(work_.rows.data(), 2 * count, num_columns, width, gram.data());
 }
 
 /// work_.right_side += sum w (J B)^T (y - x), with the projected rows of add_normal_matrix.
@@ -121,7 +128,8 @@ inline void RealtimeFit::fit_identity()
     if (pack_.num_shape > 0) {
         const int width = pack_.shape_width;
         update_residuals();
-        add_normal_matrix(pack_.identity_grams, pack_.fixed_rows, width, pack_.contour_rows.identity, work_.system);
+        add_normal_matrix(pack_.identity_grams, pack_.fixed_rows, width, width, pack_.contour_rows.identity,
+                          work_.system);
         std::fill_n(work_.right_side.data(), width, 0.0f);
         add_right_side(pack_.fixed_rows.identity, width);
         if (!step_identity(kernels_, pack_, fitter_.reference_.options().regularization, work_)) {
@@ -156,7 +164,7 @@ inline bool RealtimeFit::solve_expression()
     const int k = pack_.num_expressions;
     const int width = pack_.expression_width;
     update_residuals();
-    add_normal_matrix(pack_.expression_grams, pack_.fixed_rows, width, pack_.contour_rows.expression, work_.gram);
+    add_normal_matrix(pack_.expression_grams, pack_.fixed_rows, k, width, pack_.contour_rows.expression, work_.gram);
     std::fill_n(work_.right_side.data(), width, 0.0f);
     add_right_side(pack_.fixed_rows.expression, width);
 
@@ -264,15 +272,15 @@ inline RealtimeFit::Reference RealtimeFit::reference_points() const
         if (landmark >= 0) {
             reference.points.assign(to, fitter_.reference_.landmark_points(), frame_.map_indices[landmark]);
             reference.image_points.col(to) = landmarks_.landmarks[landmark].point_px;
-            reference.weights[to] = fixed_weight(i);
+            reference.weights[to] = weight(i);
             ++to;
         }
     }
-    for (std::size_t i = 0; i < frame_.matches.size(); ++i, ++to) {
+    for (int i = 0; i < num_matches(); ++i, ++to) {
         const RealtimeMatch& match = frame_.matches[i];
         fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[match.row]);
         reference.image_points.col(to) = landmarks_.landmarks[match.landmark_index].point_px;
-        reference.weights[to] = frame_.scale_factor * frame_.match_information[i];
+        reference.weights[to] = weight(pack_.first_match + i);
     }
     return reference;
 }

@@ -22,6 +22,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 
 HWY_BEFORE_NAMESPACE();
 namespace lineament::kernels::HWY_NAMESPACE {
@@ -198,7 +199,7 @@ inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows,
     }
 }
 
-inline void combine_grams(const float* grams, int width, const float* scales, float* gram)
+inline void combine_grams(const float* grams, int num_columns, int width, const float* scales, float* gram)
 {
     const Floats d;
     const int size = width * width;
@@ -208,8 +209,8 @@ inline void combine_grams(const float* grams, int width, const float* scales, fl
     const Vector s3 = hn::Set(d, scales[3]);
     const Vector s4 = hn::Set(d, scales[4]);
     const Vector s5 = hn::Set(d, scales[5]);
-    for (int i = 0; i < width; ++i) {
-        for (int at = i * width + i / lanes * lanes; at < (i + 1) * width; at += lanes) {
+    for (int i = 0; i < num_columns; ++i) {
+        for (int at = i * width + i / lanes * lanes; at < i * width + num_columns; at += lanes) {
             const float* from = grams + at;
             Vector sum = hn::Mul(s0, hn::Load(d, from));
             Vector other = hn::Mul(s1, hn::Load(d, from + size));
@@ -338,11 +339,16 @@ HWY_INLINE void add_products_from(int c, const float* rows, const float* factors
 }
 
 /// Rows i..i+3 of a Gram matrix at a time, from the diagonal's vector on.
-inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+inline void add_leading_gram(const float* rows, int num_rows, int num_columns, int width, float* gram)
 {
-    for (int i = 0; i < width; i += 4) {
+    for (int i = 0; i < num_columns; i += 4) {
         add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width, gram + i * width);
     }
+}
+
+inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+{
+    add_leading_gram(rows, num_rows, width, width, gram);
 }
 
 inline void add_rows(const float* rows, int num_rows, int width, const float* factors, float* sums)
@@ -550,6 +556,48 @@ inline void transform_points(const float* points, int step, int count, const flo
     }
 }
 
+/// Several points a vector, so that nothing is searched across it.
+inline void nearest_points(const double* u, const double* v, int count, const double* to_u, const double* to_v,
+                           int num_to, int* nearest)
+{
+    const DoubleTag d;
+    const hn::Rebind<std::int64_t, DoubleTag> integers;
+    alignas(64) std::int64_t found[double_lanes];
+    for (int begin = 0; begin < num_to; begin += double_lanes) {
+        const DoubleVector centre_u = hn::Load(d, to_u + begin);
+        const DoubleVector centre_v = hn::Load(d, to_v + begin);
+        DoubleVector least = hn::Set(d, std::numeric_limits<double>::infinity());
+        auto first = hn::Zero(integers);
+        for (int i = 0; i < count; ++i) {
+            const DoubleVector du = hn::Sub(hn::Set(d, u[i]), centre_u);
+            const DoubleVector dv = hn::Sub(hn::Set(d, v[i]), centre_v);
+            const DoubleVector distance = hn::Add(hn::Mul(du, du), hn::Mul(dv, dv));
+            const auto is_nearer = hn::Lt(distance, least);
+            least = hn::IfThenElse(is_nearer, distance, least);
+            first = hn::IfThenElse(hn::RebindMask(integers, is_nearer), hn::Set(integers, i), first);
+        }
+        hn::Store(first, integers, found);
+        for (int j = begin; j < num_to && j < begin + double_lanes; ++j) {
+            nearest[j] = static_cast<int>(found[j - begin]);
+        }
+    }
+}
+
+inline void see_points(const float* points, int count, const double* m, double* u, double* v)
+{
+    const DoubleTag d;
+    const hn::Rebind<float, DoubleTag> narrow;
+    const DoubleVector ax = hn::Set(d, m[0]), ay = hn::Set(d, m[1]), az = hn::Set(d, m[2]), a0 = hn::Set(d, m[3]);
+    const DoubleVector bx = hn::Set(d, m[4]), by = hn::Set(d, m[5]), bz = hn::Set(d, m[6]), b0 = hn::Set(d, m[7]);
+    for (int i = 0; i < count; i += double_lanes) {
+        hn::Vec<decltype(narrow)> px, py, pz;
+        hn::LoadInterleaved3(narrow, points + 3 * i, px, py, pz);
+        const DoubleVector x = hn::PromoteTo(d, px), y = hn::PromoteTo(d, py), z = hn::PromoteTo(d, pz);
+        hn::Store(hn::MulAdd(az, z, hn::MulAdd(ay, y, hn::MulAdd(ax, x, a0))), d, u + i);
+        hn::Store(hn::MulAdd(bz, z, hn::MulAdd(by, y, hn::MulAdd(bx, x, b0))), d, v + i);
+    }
+}
+
 /// This instruction set's kernels; without vectors the plain ones, which the compiler knows better.
 [[nodiscard]] inline const Kernels* table()
 {
@@ -564,12 +612,15 @@ inline void transform_points(const float* points, int step, int count, const flo
                                     project_rows,
                                     multiply_rows,
                                     add_gram,
+                                    add_leading_gram,
                                     add_rows,
                                     solve_positive,
                                     transform_points,
                                     add_pose_moments,
                                     residual_factors,
                                     nearest_point,
+                                    nearest_points,
+                                    see_points,
                                     multiply_double_rows,
                                     add_double_rows,
                                     project_points,

@@ -44,8 +44,9 @@ struct Kernels
     void (*add_columns)(const float* columns, std::ptrdiff_t step, int num_rows, int num_columns,
                         const float* coefficients, float* out);
 
-    /// gram = sum of six matrices scales[g] grams[g width^2 ...], upper triangle (more may be written).
-    void (*combine_grams)(const float* grams, int width, const float* scales, float* gram);
+    /// gram = sum of six matrices scales[g] grams[g width^2 ...], upper triangle of the leading columns (more may be
+    /// written).
+    void (*combine_grams)(const float* grams, int num_columns, int width, const float* scales, float* gram);
 
     /// Rows 2i and 2i + 1 of out = roots[i] J times the three rows of point indices[i], J 2 x 3.
     void (*project_rows)(const float* point_rows, int width, const int* indices, int count, const float* jacobian,
@@ -57,6 +58,9 @@ struct Kernels
 
     /// gram += rows^T rows, upper triangle (more may be written).
     void (*add_gram)(const float* rows, int num_rows, int width, float* gram);
+
+    /// The same, of the leading columns (more may be written).
+    void (*add_leading_gram)(const float* rows, int num_rows, int num_columns, int width, float* gram);
 
     /// sums[c] += sum_r factors[r] rows[r width + c]
     void (*add_rows)(const float* rows, int num_rows, int width, const float* factors, float* sums);
@@ -85,6 +89,15 @@ struct Kernels
     /// squared[that]. u and v have a multiple of 8 doubles, infinite beyond the points, and `squared` as many. The same
     /// of every set.
     int (*nearest_point)(const double* u, const double* v, int count, double to_u, double to_v, double* squared);
+
+    /// For each of the points (to_u[j], to_v[j]), j < num_to, the first of those of (u[i], v[i]), i < count, that are
+    /// nearest to it: nearest[j]. to_u and to_v have a multiple of 8 doubles. The same of every set.
+    void (*nearest_points)(const double* u, const double* v, int count, const double* to_u, const double* to_v,
+                           int num_to, int* nearest);
+
+    /// Where points x0 y0 z0 x1 ... are seen: u[i] = m[0] x + m[1] y + m[2] z + m[3], and v[i] likewise from m[4] on.
+    /// Points up to a multiple of 8 are read and written; they may begin anywhere.
+    void (*see_points)(const float* points, int count, const double* m, double* u, double* v);
 
     // In double precision; rows have a multiple of double_step doubles.
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 /// The readable twins of the vector kernels: plain loops, which the compiler may turn into vectors itself.
 namespace lineament::kernels::scalar {
@@ -37,10 +38,10 @@ inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows,
     }
 }
 
-inline void combine_grams(const float* grams, int width, const float* scales, float* gram)
+inline void combine_grams(const float* grams, int num_columns, int width, const float* scales, float* gram)
 {
     const int size = width * width;
-    for (int i = 0; i < size; ++i) {
+    for (int i = 0; i < num_columns * width; ++i) {
         float sum = 0;
         for (int g = 0; g < 6; ++g) {
             sum += scales[g] * grams[g * size + i];
@@ -79,16 +80,21 @@ inline void multiply_rows(const float* point_rows, int width, const int* indices
     }
 }
 
-inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+inline void add_leading_gram(const float* rows, int num_rows, int num_columns, int width, float* gram)
 {
-    for (int i = 0; i < width; ++i) {
+    for (int i = 0; i < num_columns; ++i) {
         for (int r = 0; r < num_rows; ++r) {
             const float* row = rows + r * width;
-            for (int c = i; c < width; ++c) {
+            for (int c = i; c < num_columns; ++c) {
                 gram[i * width + c] += row[i] * row[c];
             }
         }
     }
+}
+
+inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+{
+    add_leading_gram(rows, num_rows, width, width, gram);
 }
 
 inline void add_rows(const float* rows, int num_rows, int width, const float* factors, float* sums)
@@ -185,6 +191,31 @@ inline int nearest_point(const double* u, const double* v, int count, double to_
         nearest = squared[i] < squared[nearest] ? i : nearest;
     }
     return nearest;
+}
+
+inline void nearest_points(const double* u, const double* v, int count, const double* to_u, const double* to_v,
+                           int num_to, int* nearest)
+{
+    for (int j = 0; j < num_to; ++j) {
+        double least = std::numeric_limits<double>::infinity();
+        nearest[j] = 0;
+        for (int i = 0; i < count; ++i) {
+            const double du = u[i] - to_u[j];
+            const double dv = v[i] - to_v[j];
+            const double squared = du * du + dv * dv;
+            nearest[j] = squared < least ? i : nearest[j];
+            least = std::min(squared, least);
+        }
+    }
+}
+
+inline void see_points(const float* points, int count, const double* m, double* u, double* v)
+{
+    for (int i = 0; i < count; ++i) {
+        const double x = points[3 * i], y = points[3 * i + 1], z = points[3 * i + 2];
+        u[i] = m[0] * x + m[1] * y + m[2] * z + m[3];
+        v[i] = m[4] * x + m[5] * y + m[6] * z + m[7];
+    }
 }
 
 inline void multiply_double_rows(const double* rows, int num_rows, int width, const double* x, double* out)
@@ -307,12 +338,15 @@ namespace lineament::kernels {
                                       scalar::project_rows,
                                       scalar::multiply_rows,
                                       scalar::add_gram,
+                                      scalar::add_leading_gram,
                                       scalar::add_rows,
                                       scalar::solve_positive,
                                       scalar::transform_points,
                                       scalar::add_pose_moments,
                                       scalar::residual_factors,
                                       scalar::nearest_point,
+                                      scalar::nearest_points,
+                                      scalar::see_points,
                                       scalar::multiply_double_rows,
                                       scalar::add_double_rows,
                                       scalar::project_points,
