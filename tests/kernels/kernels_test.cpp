@@ -84,6 +84,58 @@ TEST_P(KernelsTest, CombinesPanels)
     EXPECT_EQ(matrix_of(out, 1, num_panels * panel_size), matrix_of(short_out, 1, num_panels * panel_size));
 }
 
+TEST_P(KernelsTest, CombinesBlocks)
+{
+    const std::vector<SparseColumns::Run> runs = {{0, 1}, {1, 2}, {3, 1}};
+    const std::vector<int> offsets = {32, 16, 48, 0};
+    const std::vector<std::uint16_t> columns = {4, 0, 1, 3, 4};
+    const AlignedBuffer<float> base = random_floats(random, 64);
+    const AlignedBuffer<float> values = random_floats(random, columns.size() * block_size);
+    const AlignedBuffer<float> coefficients = random_floats(random, 5);
+    const SparseColumns sparse = {runs.data(), static_cast<int>(runs.size()), offsets.data(), columns.data(),
+                                  values.data()};
+    AlignedBuffer<float> panel(5 * panel_size); // the same with its zeros
+    const std::vector<int> offset_of_column = {16, 48, 0, 0, 0};
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+        std::copy_n(values.data() + i * block_size, block_size,
+                    panel.data() + columns[i] * panel_size + offset_of_column[i]);
+    }
+    AlignedBuffer<float> out(64), plain(64), expected(64);
+    kernels.combine_blocks(base.data(), sparse, coefficients.data(), out.data());
+    scalar::combine_blocks(base.data(), sparse, coefficients.data(), plain.data());
+    kernels.combine_panels(base.data(), panel.data(), 1, 5, coefficients.data(), expected.data());
+    EXPECT_EQ(matrix_of(out, 1, 64), matrix_of(expected, 1, 64));
+    EXPECT_LE(max_difference(matrix_of(plain, 1, 64), matrix_of(expected, 1, 64)), 1e-5);
+    kernels.combine_blocks(out.data(), sparse, coefficients.data(), out.data());
+    kernels.combine_panels(expected.data(), panel.data(), 1, 5, coefficients.data(), expected.data());
+    EXPECT_EQ(matrix_of(out, 1, 64), matrix_of(expected, 1, 64));
+}
+
+TEST_P(KernelsTest, MultipliesPanels)
+{
+    for (const int num_panels : {1, 3}) {
+        for (const int num_columns : {0, 1, 7}) {
+            const AlignedBuffer<float> panels = random_floats(random, num_panels * num_columns * panel_size);
+            const AlignedBuffer<float> x = random_floats(random, num_panels * panel_size);
+            AlignedBuffer<float> out(num_columns), plain(num_columns);
+            kernels.multiply_panels(panels.data(), num_panels, num_columns, x.data(), out.data());
+            scalar::multiply_panels(panels.data(), num_panels, num_columns, x.data(), plain.data());
+            for (int j = 0; j < num_columns; ++j) {
+                double expected = 0;
+                for (int p = 0; p < num_panels; ++p) {
+                    const int at = (p * num_columns + j) * panel_size;
+                    expected += Eigen::Map<const Eigen::VectorXf>(panels.data() + at, panel_size)
+                                    .cast<double>()
+                                    .dot(Eigen::Map<const Eigen::VectorXf>(x.data() + p * panel_size, panel_size)
+                                             .cast<double>());
+                }
+                EXPECT_NEAR(out[j], expected, 2e-5);
+                EXPECT_NEAR(plain[j], expected, 2e-5);
+            }
+        }
+    }
+}
+
 TEST_P(KernelsTest, CombinesGramMatrices)
 {
     for (const int width : {16, 48, 64}) {

@@ -48,6 +48,20 @@ struct PointPanels
     [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(num_panels) * kernels::panel_size; }
 };
 
+/// The memory of kernels::SparseColumns.
+struct ColumnBlocks
+{
+    std::vector<kernels::SparseColumns::Run> runs = {};
+    std::vector<int> offsets = {};
+    std::vector<std::uint16_t> columns = {};
+    AlignedBuffer<float> values = {};
+
+    [[nodiscard]] kernels::SparseColumns view() const
+    {
+        return {runs.data(), static_cast<int>(runs.size()), offsets.data(), columns.data(), values.data()};
+    }
+};
+
 /// Row-major rows of points, three each, in full width.
 struct PointRows
 {
@@ -133,6 +147,7 @@ struct RealtimePack
     int max_matches = 0;
 
     PointPanels mesh = {};
+    ColumnBlocks mesh_expression_blocks = {};       ///< Where that spares reading, the columns in `mesh` once more.
     AlignedBuffer<std::int16_t> mesh_identity = {}; ///< With MeshStorage::int16, instead of the columns in `mesh`.
     AlignedBuffer<std::int16_t> mesh_expression = {};
     std::vector<float> mesh_identity_scales = {}; ///< Of the columns.
@@ -190,9 +205,8 @@ struct OutlineLandmarks
     static constexpr int max_count = 8;
 
     int count = 0;
+    int first_slot = 0; ///< Of max_count in RealtimeFrame::seen_u and seen_v.
     std::array<int, max_count> landmark_indices = {};
-    alignas(64) std::array<double, max_count> u = {}; ///< [px], from the principal point.
-    alignas(64) std::array<double, max_count> v = {};
     std::array<double, max_count> information = {};      ///< Weight before scale.
     std::array<double, max_count> root_information = {}; ///< Its root.
 };
@@ -200,11 +214,15 @@ struct OutlineLandmarks
 /// What the fit of one image keeps from step to step, beside the identity.
 struct RealtimeFrame
 {
-    std::vector<int> landmark_of_fixed = {}; ///< -1: not seen.
-    std::vector<int> map_indices = {};       ///< Of each landmark given.
+    std::vector<int> landmark_of_fixed = {};    ///< -1: not seen.
+    std::vector<int> map_indices = {};          ///< Of each landmark given.
+    std::vector<std::uint64_t> name_keys = {};  ///< Of each, by name_key.
+    std::vector<int> slots = {};                ///< Of each, where in seen_u and seen_v it stands.
+    int first_outline_slot = 0, spare_slot = 0; ///< Those of the outline, by side; that of all that are not used.
     bool is_plain = false; ///< The landmarks were the map's, in its order, seen for certain and without depth.
-    AlignedBuffer<double> seen_u = {}, seen_v = {}; ///< Where its points are seen [px], from the principal point.
-    AlignedBuffer<double> information = {};         ///< Weight before scale; 0: not seen, or no point.
+    /// Where points are seen, and behind them outline landmarks, matched or not [px], from the principal point.
+    AlignedBuffer<double> seen_u = {}, seen_v = {};
+    AlignedBuffer<double> information = {}; ///< Weight before scale; 0: not seen, or no point.
     std::vector<std::optional<double>> fixed_depth_px = {};
     std::array<OutlineLandmarks, 2> outline = {}; ///< By FaceSide.
     bool has_outline = false;
@@ -226,6 +244,8 @@ struct RealtimeFrame
     std::array<float, 6> jacobian = {}; ///< s R_2.
     bool has_scale = false;
     double scale_factor = 1; ///< Weight of a point: this times its information.
+    std::array<double, kernels::num_pose_moments> fixed_moments = {}; ///< Of the fixed points as they are, if known.
+    bool are_fixed_moments_known = false;
     FitStatus status = FitStatus::success;
     std::string reason = {};
 };
@@ -275,7 +295,7 @@ struct RealtimeBuffers
     std::vector<Eigen::Array4f> occluders_seen = {};               ///< x, y and depth [mm].
     std::vector<Eigen::Array4f> group_lows = {}, group_highs = {}; ///< Of each group the box.
     AlignedBuffer<double> projected_u = {}, projected_v = {}, squared_distances = {};
-    AlignedBuffer<double> fitted_u = {}, fitted_v = {};
+    AlignedBuffer<double> fitted_u = {}, fitted_v = {}, squared_residuals = {};
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
     AlignedBuffer<float> batch_coefficients = {}; ///< Of batch_size faces.

@@ -57,8 +57,8 @@ inline void RealtimeFit::add_match(const OutlineLandmarks& outline, int landmark
     const int point = num_points();
     frame_.matches.push_back({outline.landmark_indices[landmark], row, -1});
     frame_.match_rows.push_back(row);
-    frame_.seen_u[point] = outline.u[landmark];
-    frame_.seen_v[point] = outline.v[landmark];
+    frame_.seen_u[point] = frame_.seen_u[outline.first_slot + landmark];
+    frame_.seen_v[point] = frame_.seen_v[outline.first_slot + landmark];
     frame_.information[point] = outline.information[landmark];
     frame_.match_root_information.push_back(outline.root_information[landmark]);
 }
@@ -70,8 +70,9 @@ inline void RealtimeFit::add_candidate_matches(const OutlineLandmarks& outline, 
     const int point = num_points();
     const std::size_t first = frame_.matches.size();
     const std::size_t count = static_cast<std::size_t>(outline.count);
-    std::copy(outline.u.begin(), outline.u.end(), frame_.seen_u.data() + point); // whole vectors, more than are used
-    std::copy(outline.v.begin(), outline.v.end(), frame_.seen_v.data() + point);
+    const int max_count = OutlineLandmarks::max_count; // whole vectors, more than are used
+    std::copy_n(frame_.seen_u.data() + outline.first_slot, max_count, frame_.seen_u.data() + point);
+    std::copy_n(frame_.seen_v.data() + outline.first_slot, max_count, frame_.seen_v.data() + point);
     std::copy(outline.information.begin(), outline.information.end(), frame_.information.data() + point);
     frame_.matches.resize(first + count);
     frame_.match_rows.resize(first + count);
@@ -132,8 +133,9 @@ inline void RealtimeFit::match_candidates(FaceSide side_name)
     project(work_.candidates.data() + 3 * region.first_candidate, count, work_.projected_u, work_.projected_v);
     const OutlineLandmarks& outline = frame_.outline[side];
     int nearest[OutlineLandmarks::max_count];
-    kernels_.nearest_points(work_.projected_u.data(), work_.projected_v.data(), count, outline.u.data(),
-                            outline.v.data(), outline.count, nearest);
+    kernels_.nearest_points(work_.projected_u.data(), work_.projected_v.data(), count,
+                            frame_.seen_u.data() + outline.first_slot, frame_.seen_v.data() + outline.first_slot,
+                            outline.count, nearest);
     add_candidate_matches(outline, region, nearest);
 }
 
@@ -169,13 +171,15 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
     const double max_distance_px = options.max_distance_mm * frame_.camera.scale_px_per_mm;
     const auto is_near = [&](double squared) { return squared < infinity && std::sqrt(squared) <= max_distance_px; };
     const OutlineLandmarks& outline = frame_.outline[side];
+    const double* outline_u = frame_.seen_u.data() + outline.first_slot;
+    const double* outline_v = frame_.seen_v.data() + outline.first_slot;
     if (options.occluding_match == OccludingMatch::landmark_to_silhouette) {
         for (int i = 0; i < outline.count; ++i) {
             // Hidden points are dropped when they are about to be matched: few are ever asked.
-            auto [nearest, squared] = nearest_projected(count, outline.u[i], outline.v[i]);
+            auto [nearest, squared] = nearest_projected(count, outline_u[i], outline_v[i]);
             while (is_near(squared) && hidden(nearest)) {
                 work_.projected_u[nearest] = infinity;
-                std::tie(nearest, squared) = nearest_projected(count, outline.u[i], outline.v[i]);
+                std::tie(nearest, squared) = nearest_projected(count, outline_u[i], outline_v[i]);
             }
             if (is_near(squared)) {
                 add_match(outline, i, work_.projected_rows[nearest]);
@@ -187,8 +191,8 @@ inline void RealtimeFit::match_silhouette(FaceSide side_name)
         int nearest = -1;
         double least = infinity;
         for (int l = 0; l < outline.count; ++l) {
-            const double du = outline.u[l] - work_.projected_u[i];
-            const double dv = outline.v[l] - work_.projected_v[i];
+            const double du = outline_u[l] - work_.projected_u[i];
+            const double dv = outline_v[l] - work_.projected_v[i];
             if (du * du + dv * dv < least) {
                 least = du * du + dv * dv;
                 nearest = l;

@@ -36,27 +36,31 @@ public:
 
     /// Reads the landmarks and finds the first pose, from psi of the start.
     [[nodiscard]] bool begin(const Eigen::Vector2d& principal_point_px, const FitResult* start);
+    /// Takes up the identity in the workspace; of several images once is enough.
+    void take_identity();
     /// Takes up the frame again after the identity has changed.
     void resume();
     [[nodiscard]] bool match_and_estimate_pose();
     void add_to(IdentitySums& sums);
     void fit_expression();
-    void turn_by_depth();
-    void write(FitResult& result, int iterations);
+    void finish(FitResult& result, int iterations);
 
 private:
+    void turn_by_depth();
+    void write(FitResult& result, int iterations);
+    void write_names(FitResult& result) const;
     void write_landmarks(FitResult& result);
-    [[nodiscard]] int write_used_landmarks(FitResult& result);
+    [[nodiscard]] std::array<int, 2 * OutlineLandmarks::max_count + 1> shown_matches() const;
     void write_other_landmarks(FitResult& result);
     [[nodiscard]] bool read_landmarks();
     [[nodiscard]] bool read_places();
     [[nodiscard]] bool read_expressions(const FitResult* start);
     [[nodiscard]] bool read_identity(const FitResult* start);
 
-    void update_rows();
+    void update_expression_row();
     [[nodiscard]] const float* neutral(PointSet set);
     void evaluate(PointSet set, AlignedBuffer<float>& out);
-    void update_positions();
+    void update_fixed_positions();
     void update_match_positions();
     void evaluate_candidates();
     void update_silhouette_neutral();
@@ -83,7 +87,7 @@ private:
     [[nodiscard]] std::array<double, 6> gram_factors() const;
     void add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int num_columns, int width,
                            const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram);
-    void add_right_side(const AlignedBuffer<float>& fixed_rows, int width);
+    void add_right_side_of_matches(int width);
     void fit_identity();
     [[nodiscard]] bool solve_expression();
     void fit_expression_in_double();
@@ -116,27 +120,28 @@ private:
     std::string identity_reason_ = {};
 };
 
-/// Of names of up to three characters faster than a call. Theirs end with a null, so that each but the empty one has
-/// two characters to read at its beginning and from its last one on.
-[[nodiscard]] inline bool is_same_name(const std::string& a, const std::string& b)
+/// A name of up to three characters in one number; 0: it is longer, or empty. Names end with a null, so that there are
+/// two characters to read at the beginning and from the last one on.
+[[nodiscard]] inline std::uint64_t name_key(const std::string& name)
 {
-    const std::size_t size = a.size();
-    if (size != b.size()) {
-        return false;
-    }
+    const std::size_t size = name.size();
     if (size == 0 || size > 3) {
-        return a == b;
+        return 0;
     }
-    const auto is_same_at = [&](std::size_t at) {
-        std::uint16_t of_a = 0, of_b = 0;
-        std::memcpy(&of_a, a.data() + at, 2);
-        std::memcpy(&of_b, b.data() + at, 2);
-        return of_a == of_b;
-    };
-    return is_same_at(0) && is_same_at(size - 1);
+    std::uint16_t first = 0, last = 0;
+    std::memcpy(&first, name.data(), 2);
+    std::memcpy(&last, name.data() + size - 1, 2);
+    return static_cast<std::uint64_t>(size) << 32 | static_cast<std::uint64_t>(first) << 16 | last;
 }
 
-/// After plain landmarks, plain ones again: only their places are new. False, with nothing changed, for others.
+/// @param key  Of `expected`.
+[[nodiscard]] inline bool is_same_name(const std::string& name, std::uint64_t key, const std::string& expected)
+{
+    return key != 0 ? name_key(name) == key : name == expected;
+}
+
+/// After plain landmarks, plain ones again: only their places are new. False for others, which must be read as
+/// a whole.
 inline bool RealtimeFit::read_places()
 {
     const std::vector<Landmark>& landmarks = landmarks_.landmarks;
@@ -145,30 +150,21 @@ inline bool RealtimeFit::read_places()
         return false;
     }
     const std::string* const expected = names.data();
+    const int* const slots = frame_.slots.data();
+    const std::uint64_t* const keys = frame_.name_keys.data();
+    double* const seen_u = frame_.seen_u.data();
+    double* const seen_v = frame_.seen_v.data();
+    const Eigen::Vector2d principal_point_px = frame_.camera.principal_point_px;
     for (std::size_t l = 0; l < names.size(); ++l) {
         const Landmark& landmark = landmarks[l];
-        if (!is_same_name(landmark.name, expected[l]) || landmark.confidence != 1 || landmark.depth_px ||
+        if (!is_same_name(landmark.name, keys[l], expected[l]) || landmark.confidence != 1 || landmark.depth_px ||
             !(std::abs(landmark.point_px.x()) <= max_coordinate_px) ||
             !(std::abs(landmark.point_px.y()) <= max_coordinate_px)) {
             return false;
         }
-    }
-    const Eigen::Vector2d principal_point_px = frame_.camera.principal_point_px;
-    const int* const landmark_of_fixed = frame_.landmark_of_fixed.data();
-    const int num_fixed = pack_.fixed.num_points;
-    double* const seen_u = frame_.seen_u.data();
-    double* const seen_v = frame_.seen_v.data();
-    for (int f = 0; f < num_fixed; ++f) {
-        const Eigen::Vector2d point = landmarks[landmark_of_fixed[f]].point_px - principal_point_px;
-        seen_u[f] = point.x();
-        seen_v[f] = point.y();
-    }
-    for (OutlineLandmarks& outline : frame_.outline) {
-        for (int i = 0; i < outline.count; ++i) {
-            const Eigen::Vector2d point = landmarks[outline.landmark_indices[i]].point_px - principal_point_px;
-            outline.u[i] = point.x();
-            outline.v[i] = point.y();
-        }
+        const Eigen::Vector2d point = landmark.point_px - principal_point_px;
+        seen_u[slots[l]] = point.x();
+        seen_v[slots[l]] = point.y();
     }
     return true;
 }
@@ -195,6 +191,8 @@ inline bool RealtimeFit::read_landmarks()
     std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
     std::fill_n(frame_.information.data(), pack_.fixed.num_points, 0.0);
     frame_.map_indices.resize(count);
+    frame_.name_keys.resize(count);
+    frame_.slots.assign(count, frame_.spare_slot);
     frame_.outline[0].count = 0;
     frame_.outline[1].count = 0;
     for (std::size_t l = 0; l < count; ++l) {
@@ -206,7 +204,8 @@ inline bool RealtimeFit::read_landmarks()
             (landmark.depth_px && !(std::abs(*landmark.depth_px) <= max_coordinate_px))) {
             return false;
         }
-        const bool is_in_order = l < num_names && is_same_name(map.names[l], landmark.name);
+        frame_.name_keys[l] = name_key(landmark.name);
+        const bool is_in_order = l < num_names && is_same_name(map.names[l], frame_.name_keys[l], landmark.name);
         const int index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         frame_.map_indices[l] = index;
         is_plain = is_plain && is_in_order && confidence == 1 && !landmark.depth_px;
@@ -226,6 +225,7 @@ inline bool RealtimeFit::read_landmarks()
                 return false; // seen twice
             }
             frame_.landmark_of_fixed[f] = static_cast<int>(l);
+            frame_.slots[l] = f;
             frame_.seen_u[f] = point.x();
             frame_.seen_v[f] = point.y();
             frame_.information[f] = pack_.fixed_information[f] * confidence;
@@ -241,8 +241,9 @@ inline bool RealtimeFit::read_landmarks()
             const int i = outline.count++;
             const double information = confidence * pack_.contour_information;
             outline.landmark_indices[i] = static_cast<int>(l);
-            outline.u[i] = point.x();
-            outline.v[i] = point.y();
+            frame_.slots[l] = outline.first_slot + i;
+            frame_.seen_u[frame_.slots[l]] = point.x();
+            frame_.seen_v[frame_.slots[l]] = point.y();
             outline.information[i] = information;
             outline.root_information[i] = confidence == 1 ? pack_.root_contour_information : std::sqrt(information);
             frame_.has_outline = frame_.has_outline || entry.is_measured;
@@ -300,15 +301,23 @@ inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const 
     if (!read_landmarks() || !read_expressions(start) || frame_.num_fixed_seen < 4) {
         return false;
     }
-    update_rows();
-    update_positions();
+    update_expression_row();
+    update_fixed_positions();
     return estimate_pose();
 }
 
 inline void RealtimeFit::resume()
 {
-    update_rows();
-    update_positions();
+    update_expression_row();
+    update_fixed_positions();
+    update_match_positions();
+}
+
+inline void RealtimeFit::finish(FitResult& result, int iterations)
+{
+    update_match_positions();
+    turn_by_depth();
+    write(result, iterations);
 }
 
 inline bool RealtimeFit::match_and_estimate_pose()
@@ -319,7 +328,11 @@ inline bool RealtimeFit::match_and_estimate_pose()
 
 inline bool RealtimeFit::fit(const Eigen::Vector2d& principal_point_px, const FitResult* start, FitResult& result)
 {
-    if (!read_identity(start) || !begin(principal_point_px, start)) {
+    if (!read_identity(start)) {
+        return false;
+    }
+    take_identity();
+    if (!begin(principal_point_px, start)) {
         return false;
     }
     const FitOptions& options = fitter_.reference_.options();
@@ -338,22 +351,26 @@ inline bool RealtimeFit::fit(const Eigen::Vector2d& principal_point_px, const Fi
     if (identity_status_ == FitStatus::degenerate) {
         return false;
     }
-    turn_by_depth();
-    write(result, options.iterations);
+    finish(result, options.iterations);
     return true;
 }
 
-inline void RealtimeFit::update_rows()
+inline void RealtimeFit::update_expression_row()
 {
     are_candidates_known_ = false;
     for (int j = 0; j < pack_.num_expressions; ++j) {
         work_.psi_row[j] = static_cast<float>(frame_.psi[j]);
     }
-    for (int j = 0; j < pack_.num_shape; ++j) {
-        work_.alpha_row[j] = static_cast<float>(work_.alpha[j]);
-    }
+}
+
+inline void RealtimeFit::take_identity()
+{
+    are_candidates_known_ = false;
     if (frozen_ != nullptr) {
         return; // its neutral face has been computed
+    }
+    for (int j = 0; j < pack_.num_shape; ++j) {
+        work_.alpha_row[j] = static_cast<float>(work_.alpha[j]);
     }
     NeutralShape& neutral = work_.neutral;
     const float* alpha = work_.alpha_row.data();
@@ -424,11 +441,11 @@ inline void RealtimeFit::update_silhouette_neutral()
     }
 }
 
-/// Fixed and matched points with the present expression.
-inline void RealtimeFit::update_positions()
+/// With the present expression. Panels are wider than the fixed points, so that those of matches are lost.
+inline void RealtimeFit::update_fixed_positions()
 {
     evaluate(PointSet::fixed, work_.points);
-    update_match_positions();
+    frame_.are_fixed_moments_known = false;
 }
 
 /// Candidates are evaluated all at once, which costs less than those that are matched one by one.

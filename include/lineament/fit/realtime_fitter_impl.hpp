@@ -151,8 +151,12 @@ RealtimeFitter::add_expression(const float* neutral, const FitResult& fit, Realt
     detail::RealtimeBuffers& buffers = workspace.buffers_;
     float* scaled = buffers.mesh_coefficients.data();
     detail::scale_coefficients(fit.expression_coefficients, pack_.mesh_expression_scales, scaled);
-    detail::combine_mesh(*kernels_, pack_.mesh.expression, pack_.mesh_expression, pack_.num_expressions, 0,
-                         pack_.mesh.num_panels, neutral, scaled, buffers.mesh.data());
+    if (pack_.mesh_expression_blocks.runs.empty()) {
+        detail::combine_mesh(*kernels_, pack_.mesh.expression, pack_.mesh_expression, pack_.num_expressions, 0,
+                             pack_.mesh.num_panels, neutral, scaled, buffers.mesh.data());
+    } else {
+        kernels_->combine_blocks(neutral, pack_.mesh_expression_blocks.view(), scaled, buffers.mesh.data());
+    }
     return {buffers.mesh.data(), 3, pack_.mesh.num_points};
 }
 

@@ -139,6 +139,7 @@ inline bool RealtimeFramesFit::fit(const Eigen::Vector2d& principal_point_px, Pr
     const FitOptions& options = fitter_.reference_.options();
     const double num_priors = prior_count == PriorCount::per_frame ? static_cast<double>(frames_.size()) : 1.0;
     std::fill(work_.alpha.begin(), work_.alpha.end(), 0.0);
+    frame(0).take_identity();
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
         clear(work_.sums);
         for (std::size_t f = 0; f < frames_.size(); ++f) {
@@ -157,14 +158,14 @@ inline bool RealtimeFramesFit::fit(const Eigen::Vector2d& principal_point_px, Pr
         if (!solve_identity(num_priors * options.regularization)) {
             return false;
         }
+        frame(0).take_identity();
     }
     result.frames.resize(frames_.size());
     for (std::size_t f = 0; f < frames_.size(); ++f) {
         RealtimeFit fit = frame(f);
         fit.resume();
         fit.fit_expression();
-        fit.turn_by_depth();
-        fit.write(result.frames[f], options.iterations);
+        fit.finish(result.frames[f], options.iterations);
         result.frames[f].timing = {};
     }
     result.status = FitStatus::success;

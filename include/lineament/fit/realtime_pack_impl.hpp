@@ -105,6 +105,51 @@ namespace lineament::detail {
     return grams;
 }
 
+/// The columns of panels without the blocks that are zero; nothing where these are less than half,
+/// which reading panels in order makes up for.
+[[nodiscard]] inline ColumnBlocks make_blocks(const AlignedBuffer<float>& panels, int num_panels, int num_columns)
+{
+    constexpr int blocks_a_panel = kernels::panel_size / kernels::block_size;
+    const auto block_of = [&](int block, int column) {
+        const std::size_t panel = static_cast<std::size_t>(block / blocks_a_panel);
+        return panels.data() + (panel * num_columns + column) * kernels::panel_size +
+               static_cast<std::size_t>(block % blocks_a_panel) * kernels::block_size;
+    };
+    std::vector<std::vector<int>> columns_of_block(static_cast<std::size_t>(num_panels) * blocks_a_panel);
+    std::vector<std::vector<int>> blocks_of_count(static_cast<std::size_t>(num_columns) + 1);
+    std::size_t num_values = 0;
+    for (int block = 0; block < static_cast<int>(columns_of_block.size()); ++block) {
+        std::vector<int>& columns = columns_of_block[block];
+        for (int column = 0; column < num_columns; ++column) {
+            const float* values = block_of(block, column);
+            if (std::any_of(values, values + kernels::block_size, [](float value) { return value != 0; })) {
+                columns.push_back(column);
+            }
+        }
+        blocks_of_count[columns.size()].push_back(block);
+        num_values += columns.size() * kernels::block_size;
+    }
+    ColumnBlocks blocks;
+    if (2 * num_values > panels.size()) {
+        return blocks;
+    }
+    blocks.values = AlignedBuffer<float>(num_values);
+    float* to = blocks.values.data();
+    for (int count = 0; count <= num_columns; ++count) {
+        for (const int block : blocks_of_count[count]) {
+            blocks.offsets.push_back(block * kernels::block_size);
+            for (const int column : columns_of_block[block]) {
+                blocks.columns.push_back(static_cast<std::uint16_t>(column));
+                to = std::copy_n(block_of(block, column), kernels::block_size, to);
+            }
+        }
+        if (!blocks_of_count[count].empty()) {
+            blocks.runs.push_back({count, static_cast<int>(blocks_of_count[count].size())});
+        }
+    }
+    return blocks;
+}
+
 /// The columns of panels in 16-bit integers with one scale a column.
 inline void shorten_panels(const AlignedBuffer<float>& panels, int num_columns, AlignedBuffer<std::int16_t>& shortened,
                            std::vector<float>& scales)
@@ -295,6 +340,8 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
         shorten_panels(pack.mesh.expression, pack.num_expressions, pack.mesh_expression, pack.mesh_expression_scales);
         pack.mesh.identity = {};
         pack.mesh.expression = {};
+    } else {
+        pack.mesh_expression_blocks = make_blocks(pack.mesh.expression, pack.mesh.num_panels, pack.num_expressions);
     }
     return pack;
 }
@@ -312,10 +359,10 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     return neutral;
 }
 
-/// Of a fit, with those that whole vectors read beyond.
+/// Of a fit, with those that whole vectors read beyond; a multiple of 8.
 [[nodiscard]] inline std::size_t max_points(const RealtimePack& pack)
 {
-    return static_cast<std::size_t>(pack.first_match) + static_cast<std::size_t>(pack.max_matches) + 8;
+    return static_cast<std::size_t>(kernels::round_up(pack.first_match + pack.max_matches + 8, 8));
 }
 
 [[nodiscard]] inline RealtimeFrame make_frame(const RealtimePack& pack)
@@ -325,8 +372,15 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     RealtimeFrame frame;
     frame.landmark_of_fixed.resize(num_fixed);
     frame.map_indices.reserve(pack.map.size());
-    frame.seen_u = AlignedBuffer<double>(max_points(pack));
-    frame.seen_v = AlignedBuffer<double>(max_points(pack));
+    frame.name_keys.reserve(pack.map.size());
+    frame.slots.reserve(pack.map.size());
+    frame.first_outline_slot = static_cast<int>(max_points(pack));
+    for (int side = 0; side < 2; ++side) {
+        frame.outline[side].first_slot = frame.first_outline_slot + side * OutlineLandmarks::max_count;
+    }
+    frame.spare_slot = frame.first_outline_slot + 2 * OutlineLandmarks::max_count;
+    frame.seen_u = AlignedBuffer<double>(static_cast<std::size_t>(frame.spare_slot) + 1);
+    frame.seen_v = AlignedBuffer<double>(static_cast<std::size_t>(frame.spare_slot) + 1);
     frame.information = AlignedBuffer<double>(max_points(pack));
     frame.fixed_depth_px.resize(num_fixed);
     frame.matches.reserve(max_matches);
@@ -366,13 +420,14 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.points = AlignedBuffer<float>(std::max(pack.fixed.size(), 3 * max_points(pack)));
     buffers.fitted_u = AlignedBuffer<double>(max_points(pack));
     buffers.fitted_v = AlignedBuffer<double>(max_points(pack));
+    buffers.squared_residuals = AlignedBuffer<double>(max_points(pack));
     buffers.rest = AlignedBuffer<float>(pack.rest.size());
     buffers.new_rows.reserve(max_matches);
     buffers.new_points = AlignedBuffer<float>(3 * max_matches);
     buffers.match_offset = AlignedBuffer<float>(3 * max_matches);
     buffers.present.reserve(num_fixed);
     buffers.roots.reserve(num_fixed);
-    buffers.factors = AlignedBuffer<float>(3 * max_points(pack));
+    buffers.factors = AlignedBuffer<float>(std::max(pack.fixed.size(), 3 * max_points(pack)));
     buffers.residuals = AlignedBuffer<float>(2 * max_matches);
     buffers.match_roots = AlignedBuffer<float>(max_matches);
     // RealtimeFramesFit needs 64 rows even where there is no outline.

@@ -25,10 +25,19 @@ inline void RealtimeFit::set_scale()
 inline bool RealtimeFit::estimate_pose()
 {
     // The common factor of the weights does not matter.
-    double moments[kernels::num_pose_moments] = {};
-    kernels_.add_pose_moments(work_.points.data(), frame_.seen_u.data(), frame_.seen_v.data(),
-                              frame_.information.data(), num_points(), moments);
-    if (!estimate_pose_closed_form(moments)) {
+    const int first = frame_.are_fixed_moments_known ? pack_.first_match : 0;
+    std::array<double, kernels::num_pose_moments> moments = {};
+    if (frame_.are_fixed_moments_known) {
+        moments = frame_.fixed_moments;
+    }
+    kernels_.add_pose_moments(work_.points.data() + 3 * first, frame_.seen_u.data() + first,
+                              frame_.seen_v.data() + first, frame_.information.data() + first, num_points() - first,
+                              moments.data());
+    if (num_matches() == 0) {
+        frame_.fixed_moments = moments;
+        frame_.are_fixed_moments_known = true;
+    }
+    if (!estimate_pose_closed_form(moments.data())) {
         const Reference reference = reference_points();
         const PoseResult pose = lineament::estimate_pose(
             reference.points.at(Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape),
@@ -95,6 +104,7 @@ inline void RealtimeFit::turn_by_depth()
         frame_.camera = camera;
         update_jacobian();
         fit_expression();
+        update_match_positions();
     }
 }
 
@@ -129,11 +139,13 @@ inline bool RealtimeFit::estimate_pose_closed_form(const double* moments)
         return false;
     }
     const double inverse1 = 1 / std::sqrt(squared1), inverse2 = 1 / std::sqrt(squared2);
-    const double cosine = (r1[0] * r2[0] + r1[1] * r2[1] + r1[2] * r2[2]) * (inverse1 * inverse2);
-    if (!(std::abs(cosine) < 0.999)) {
+    const double product = r1[0] * r2[0] + r1[1] * r2[1] + r1[2] * r2[2];
+    const double lengths = std::sqrt(squared1 * squared2);
+    if (!(std::abs(product) < 0.999 * lengths)) {
         return false;
     }
-    const double plus = 0.5 / std::sqrt(1 + cosine), minus = 0.5 / std::sqrt(1 - cosine);
+    const double plus = 0.5 * std::sqrt(lengths / (lengths + product));
+    const double minus = 0.5 * std::sqrt(lengths / (lengths - product));
     const double same = plus + minus, cross = plus - minus;
     for (int a = 0; a < 3; ++a) {
         const double first = r1[a] * inverse1, second = r2[a] * inverse2;

@@ -41,77 +41,83 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
     write_landmarks(result);
 }
 
-/// The landmarks as given, and where the fitted face has them.
-inline void RealtimeFit::write_landmarks(FitResult& result)
+inline void RealtimeFit::write_names(FitResult& result) const
 {
     const std::size_t count = landmarks_.landmarks.size();
     result.landmarks.resize(count);
     const Landmark* const given = landmarks_.landmarks.data();
+    const std::uint64_t* const keys = frame_.name_keys.data();
+    FittedLandmark* const landmarks = result.landmarks.data();
     for (std::size_t l = 0; l < count; ++l) {
-        const Landmark& landmark = given[l];
-        FittedLandmark& fitted = result.landmarks[l];
-        if (!is_same_name(fitted.name, landmark.name)) {
-            fitted.name = landmark.name;
+        if (!is_same_name(landmarks[l].name, keys[l], given[l].name)) {
+            landmarks[l].name = given[l].name;
         }
-        fitted.point_px = landmark.point_px;
-        fitted.weight = 0;
     }
-    const int num_used = write_used_landmarks(result);
-    if (num_used < static_cast<int>(count)) {
+}
+
+/// The landmarks as given, where the fitted face has them, and what it says of those that the fit used.
+inline void RealtimeFit::write_landmarks(FitResult& result)
+{
+    // What does not change is held on to: the compiler cannot know that writing the result leaves it alone.
+    const int num_points = this->num_points();
+    const double* const information = frame_.information.data();
+    const double* const fitted_u = work_.fitted_u.data();
+    const double* const fitted_v = work_.fitted_v.data();
+    const double* const squared = work_.squared_residuals.data();
+    const int* const slots = frame_.slots.data();
+    const Landmark* const given = landmarks_.landmarks.data();
+    const std::size_t count = landmarks_.landmarks.size();
+    const Eigen::Vector2d principal_point_px = frame_.camera.principal_point_px;
+    const int first_outline_slot = frame_.first_outline_slot;
+
+    project(work_.points.data(), num_points, work_.fitted_u, work_.fitted_v);
+    using Values = Eigen::Map<const Eigen::ArrayXd, Eigen::Aligned64>;
+    Eigen::Map<Eigen::ArrayXd, Eigen::Aligned64>(work_.squared_residuals.data(), num_points) =
+        (Values(fitted_u, num_points) - Values(frame_.seen_u.data(), num_points)).square() +
+        (Values(fitted_v, num_points) - Values(frame_.seen_v.data(), num_points)).square();
+    const std::array<int, 2 * OutlineLandmarks::max_count + 1> shown = shown_matches();
+    const double inverse_largest = 1 / Values(information, num_points).maxCoeff();
+
+    write_names(result);
+    FittedLandmark* const landmarks = result.landmarks.data();
+    UsedLandmarks used = {DistanceJudge(frame_.camera.scale_px_per_mm)};
+    for (std::size_t l = 0; l < count; ++l) {
+        FittedLandmark& fitted = landmarks[l];
+        fitted.point_px = given[l].point_px;
+        const int point = slots[l] < first_outline_slot ? slots[l] : shown[slots[l] - first_outline_slot];
+        if (point >= 0 && information[point] > 0) {
+            fitted.fitted_px = Eigen::Vector2d(fitted_u[point], fitted_v[point]) + principal_point_px;
+            fitted.weight = information[point] * inverse_largest;
+            used.add(fitted.weight, squared[point]);
+        } else {
+            fitted.weight = 0;
+        }
+    }
+    result.chi_square =
+        frame_.scale_factor * Values(information, num_points).matrix().dot(Values(squared, num_points).matrix());
+    sum_up(fitter_.reference_.options(), used, result);
+    if (used.count < static_cast<int>(count)) {
         write_other_landmarks(result);
     }
 }
 
-/// Those that the fit used, and what it says of all of them; their number.
-inline int RealtimeFit::write_used_landmarks(FitResult& result)
+/// The nearest match of each outline landmark, in the order of their slots; -1: none.
+inline std::array<int, 2 * OutlineLandmarks::max_count + 1> RealtimeFit::shown_matches() const
 {
-    project(work_.points.data(), num_points(), work_.fitted_u, work_.fitted_v);
-    // What does not change is held on to: the compiler cannot know that writing the result leaves it alone.
-    const double* const fitted_u = work_.fitted_u.data();
-    const double* const fitted_v = work_.fitted_v.data();
-    const double* const seen_u = frame_.seen_u.data();
-    const double* const seen_v = frame_.seen_v.data();
-    const double* const information = frame_.information.data();
-    const int* const landmark_of_fixed = frame_.landmark_of_fixed.data();
-    FittedLandmark* const landmarks = result.landmarks.data();
-    const Eigen::Vector2d principal_point_px = frame_.camera.principal_point_px;
-    const double scale_factor = frame_.scale_factor;
-    const int num_fixed = pack_.fixed.num_points;
-    const double largest_information = Eigen::Map<const Eigen::VectorXd>(information, num_points()).maxCoeff();
-    const double inverse_largest = 1 / largest_information;
-
-    UsedLandmarks used = {DistanceJudge(frame_.camera.scale_px_per_mm)};
-    double sum = 0;
-    for (int f = 0; f < num_fixed; ++f) {
-        if (landmark_of_fixed[f] >= 0) {
-            const double du = fitted_u[f] - seen_u[f], dv = fitted_v[f] - seen_v[f];
-            const double squared = du * du + dv * dv;
-            FittedLandmark& fitted = landmarks[landmark_of_fixed[f]];
-            fitted.fitted_px = Eigen::Vector2d(fitted_u[f], fitted_v[f]) + principal_point_px;
-            fitted.weight = information[f] * inverse_largest;
-            sum += information[f] * squared;
-            used.add(fitted.weight, squared);
-        }
-    }
-    result.chi_square = scale_factor * sum;
+    std::array<int, 2 * OutlineLandmarks::max_count + 1> shown; // the last one is that of landmarks not used
+    shown.fill(-1);
+    const double* const squared = work_.squared_residuals.data();
     for (int i = 0; i < num_matches(); ++i) {
         const int point = pack_.first_match + i;
-        add_used_point(Eigen::Vector2d(fitted_u[point], fitted_v[point]) + principal_point_px, weight(point),
-                       scale_factor * largest_information, landmarks[frame_.matches[i].landmark_index],
-                       result.chi_square);
-    }
-    for (const OutlineLandmarks& outline : frame_.outline) { // several matches may be those of one landmark
-        for (int i = 0; i < outline.count; ++i) {
-            const FittedLandmark& fitted = landmarks[outline.landmark_indices[i]];
-            if (fitted.weight > 0) {
-                used.add(fitted.weight, (fitted.fitted_px - fitted.point_px).squaredNorm());
-            }
+        int& nearest = shown[frame_.slots[frame_.matches[i].landmark_index] - frame_.first_outline_slot];
+        if (nearest < 0 || squared[point] < squared[nearest]) {
+            nearest = point;
         }
     }
-    sum_up(fitter_.reference_.options(), used, result);
-    return used.count;
+    return shown;
 }
 
+/// Landmarks without weight, where the fitted face has them.
 inline void RealtimeFit::write_other_landmarks(FitResult& result)
 {
     evaluate(PointSet::rest, work_.rest);

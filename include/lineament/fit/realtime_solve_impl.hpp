@@ -85,13 +85,10 @@ inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, co
     kernels_.add_leading_gram(work_.rows.data(), 2 * count, num_columns, width, gram.data());
 }
 
-/// work_.right_side += sum w (J B)^T (y - x), with the projected rows of add_normal_matrix.
-inline void RealtimeFit::add_right_side(const AlignedBuffer<float>& fixed_rows, int width)
+/// work_.right_side += sum w (J B)^T (y - x) of matches, with the projected rows of add_normal_matrix.
+inline void RealtimeFit::add_right_side_of_matches(int width)
 {
-    kernels_.add_rows(fixed_rows.data(), 3 * pack_.fixed.num_points, width, work_.factors.data(),
-                      work_.right_side.data());
-    kernels_.add_rows(work_.rows.data(), 2 * static_cast<int>(frame_.matches.size()), width, work_.residuals.data(),
-                      work_.right_side.data());
+    kernels_.add_rows(work_.rows.data(), 2 * num_matches(), width, work_.residuals.data(), work_.right_side.data());
 }
 
 /// Adds the prior to the normal equations in work.system and work.right_side and takes their step from work.alpha.
@@ -131,14 +128,19 @@ inline void RealtimeFit::fit_identity()
         add_normal_matrix(pack_.identity_grams, pack_.fixed_rows, width, width, pack_.contour_rows.identity,
                           work_.system);
         std::fill_n(work_.right_side.data(), width, 0.0f);
-        add_right_side(pack_.fixed_rows.identity, width);
+        kernels_.add_rows(pack_.fixed_rows.identity.data(), 3 * pack_.fixed.num_points, width, work_.factors.data(),
+                          work_.right_side.data());
+        add_right_side_of_matches(width);
         if (!step_identity(kernels_, pack_, fitter_.reference_.options().regularization, work_)) {
             fit_identity_in_double();
         }
     }
-    resume();
+    take_identity();
+    update_fixed_positions();
+    update_match_positions();
 }
 
+/// Leaves the positions of matches to the next step, which may match anew.
 inline void RealtimeFit::fit_expression()
 {
     if (pack_.num_expressions == 0) {
@@ -152,8 +154,8 @@ inline void RealtimeFit::fit_expression()
     for (int j = 0; j < pack_.num_expressions; ++j) {
         frame_.num_held += frame_.psi[j] >= upper;
     }
-    update_rows();
-    update_positions();
+    update_expression_row();
+    update_fixed_positions();
 }
 
 /// Block principal pivoting (Portugal, Judice and Vicente 1994) on the step from the present psi, from the set that was
@@ -166,7 +168,10 @@ inline bool RealtimeFit::solve_expression()
     update_residuals();
     add_normal_matrix(pack_.expression_grams, pack_.fixed_rows, k, width, pack_.contour_rows.expression, work_.gram);
     std::fill_n(work_.right_side.data(), width, 0.0f);
-    add_right_side(pack_.fixed_rows.expression, width);
+    // Panels are wider than the fixed points; their columns are zero there.
+    kernels_.multiply_panels(pack_.fixed.expression.data(), pack_.fixed.num_panels, k, work_.factors.data(),
+                             work_.right_side.data());
+    add_right_side_of_matches(width);
 
     const double precision = 1 / (options.expression_sigma * options.expression_sigma);
     float* gram = work_.gram.data();
@@ -192,7 +197,9 @@ inline bool RealtimeFit::solve_expression()
             }
         }
         std::fill_n(work_.gradient.data(), width, 0.0f);
-        kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
+        if (std::any_of(work_.step.data(), work_.step.data() + k, [](float step) { return step != 0; })) {
+            kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
+        }
         const int num_free = static_cast<int>(work_.free.size());
         if (num_free > 0) {
             const int system_width = kernels::round_up(num_free + 1, kernels::width_step);

@@ -153,6 +153,54 @@ inline void combine_panels(const float* base, const float* panels, int num_panel
     combine<ReadFloat>(base, panels, num_panels, num_columns, coefficients, out);
 }
 
+inline void combine_blocks(const float* base, const SparseColumns& columns, const float* coefficients, float* out)
+{
+    const Floats d;
+    constexpr int num_vectors = block_size / lanes;
+    const int* offset = columns.offsets;
+    const std::uint16_t* column = columns.columns;
+    const float* values = columns.values;
+    const int num_runs = columns.num_runs;
+    for (int r = 0; r < num_runs; ++r) {
+        const auto [num_columns, num_blocks] = columns.runs[r];
+        for (int b = 0; b < num_blocks; ++b, ++offset) {
+            Vector sums[num_vectors];
+            for (int v = 0; v < num_vectors; ++v) {
+                sums[v] = hn::Load(d, base + *offset + v * lanes);
+            }
+            for (int j = 0; j < num_columns; ++j, ++column, values += block_size) {
+                hwy::Prefetch(values + 16 * block_size);
+                const Vector coefficient = hn::Set(d, coefficients[*column]);
+                for (int v = 0; v < num_vectors; ++v) {
+                    sums[v] = hn::MulAdd(coefficient, hn::Load(d, values + v * lanes), sums[v]);
+                }
+            }
+            for (int v = 0; v < num_vectors; ++v) {
+                hn::Store(sums[v], d, out + *offset + v * lanes);
+            }
+        }
+    }
+}
+
+inline void multiply_panels(const float* panels, int num_panels, int num_columns, const float* x, float* out)
+{
+    const Floats d;
+    for (int j = 0; j < num_columns; ++j) {
+        Vector s0 = hn::Zero(d), s1 = hn::Zero(d), s2 = hn::Zero(d), s3 = hn::Zero(d);
+        for (int p = 0; p < num_panels; ++p) {
+            const float* column = panels + static_cast<std::ptrdiff_t>(p * num_columns + j) * panel_size;
+            const float* factors = x + p * panel_size;
+            for (int c = 0; c < panel_size; c += 4 * lanes) { // four chains hide the latency
+                s0 = hn::MulAdd(hn::Load(d, factors + c), hn::Load(d, column + c), s0);
+                s1 = hn::MulAdd(hn::Load(d, factors + c + lanes), hn::Load(d, column + c + lanes), s1);
+                s2 = hn::MulAdd(hn::Load(d, factors + c + 2 * lanes), hn::Load(d, column + c + 2 * lanes), s2);
+                s3 = hn::MulAdd(hn::Load(d, factors + c + 3 * lanes), hn::Load(d, column + c + 3 * lanes), s3);
+            }
+        }
+        out[j] = hn::GetLane(hn::SumOfLanes(d, hn::Add(hn::Add(s0, s1), hn::Add(s2, s3))));
+    }
+}
+
 inline void combine_panels_int16(const float* base, const std::int16_t* panels, int num_panels, int num_columns,
                                  const float* coefficients, float* out)
 {
@@ -483,12 +531,21 @@ inline float solve_positive(float* system, int n, int width, float* x)
         const float diagonal = row[i];
         const int first = i / lanes * lanes;
         for (int k = 0; k < i; ++k) {
-            const float* above = system + k * width;
-            factors[k] = above[i] * inverses[k];
-            const Vector factor = hn::Set(d, factors[k]);
-            for (int c = first; c < width; c += lanes) {
-                hn::Store(hn::NegMulAdd(factor, hn::Load(d, above + c), hn::Load(d, row + c)), d, row + c);
+            factors[k] = system[k * width + i] * inverses[k];
+        }
+        for (int c = first; c < width; c += lanes) {
+            Vector sum = hn::Load(d, row + c);
+            Vector other = hn::Zero(d);
+            const float* above = system + c;
+            int k = 0;
+            for (; k + 2 <= i; k += 2, above += 2 * width) {
+                sum = hn::NegMulAdd(hn::Set(d, factors[k]), hn::Load(d, above), sum);
+                other = hn::MulAdd(hn::Set(d, factors[k + 1]), hn::Load(d, above + width), other);
             }
+            if (k < i) {
+                sum = hn::NegMulAdd(hn::Set(d, factors[k]), hn::Load(d, above), sum);
+            }
+            hn::Store(hn::Sub(sum, other), d, row + c);
         }
         if (!(row[i] > 0)) {
             return 0;
@@ -608,6 +665,8 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     combine_panels,
                                     combine_panels_int16,
                                     add_columns,
+                                    combine_blocks,
+                                    multiply_panels,
                                     combine_grams,
                                     project_rows,
                                     multiply_rows,

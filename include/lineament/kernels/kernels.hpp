@@ -16,6 +16,25 @@ inline constexpr int width_step = 16;
 /// That of rows in double precision.
 inline constexpr int double_step = 8;
 
+/// Numbers in one block of SparseColumns.
+inline constexpr int block_size = 16;
+
+/// Columns in blocks of 16 numbers, each block with the columns alone that are not zero in it. Blocks with as many
+/// columns follow each other, in a run.
+struct SparseColumns
+{
+    struct Run
+    {
+        int num_columns;
+        int num_blocks;
+    };
+    const Run* runs;
+    int num_runs;
+    const int* offsets;           ///< Of each block, where it begins.
+    const std::uint16_t* columns; ///< Of each block in turn, ascending.
+    const float* values;          ///< Sixteen of each of these.
+};
+
 [[nodiscard]] constexpr int round_up(int count, int step)
 {
     return (count + step - 1) / step * step;
@@ -43,6 +62,12 @@ struct Kernels
     /// out[r] += sum_j coefficients[j] columns[j step + r] for r < num_rows, of any alignment.
     void (*add_columns)(const float* columns, std::ptrdiff_t step, int num_rows, int num_columns,
                         const float* coefficients, float* out);
+
+    /// out = base + the columns times the coefficients, with the bits of combine_panels. `out` may be `base`.
+    void (*combine_blocks)(const float* base, const SparseColumns& columns, const float* coefficients, float* out);
+
+    /// out[j] = the product of column j of the panels with x, 64 numbers a panel.
+    void (*multiply_panels)(const float* panels, int num_panels, int num_columns, const float* x, float* out);
 
     /// gram = sum of six matrices scales[g] grams[g width^2 ...], upper triangle of the leading columns (more may be
     /// written).

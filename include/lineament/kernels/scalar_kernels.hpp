@@ -38,6 +38,35 @@ inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows,
     }
 }
 
+inline void combine_blocks(const float* base, const SparseColumns& columns, const float* coefficients, float* out)
+{
+    const int* offset = columns.offsets;
+    const std::uint16_t* column = columns.columns;
+    const float* values = columns.values;
+    for (int r = 0; r < columns.num_runs; ++r) {
+        for (int b = 0; b < columns.runs[r].num_blocks; ++b, ++offset) {
+            std::copy_n(base + *offset, block_size, out + *offset);
+            for (int j = 0; j < columns.runs[r].num_columns; ++j, values += block_size) {
+                const float coefficient = coefficients[*column++];
+                for (int c = 0; c < block_size; ++c) {
+                    out[*offset + c] += coefficient * values[c];
+                }
+            }
+        }
+    }
+}
+
+inline void multiply_panels(const float* panels, int num_panels, int num_columns, const float* x, float* out)
+{
+    for (int j = 0; j < num_columns; ++j) {
+        out[j] = 0;
+        for (int i = 0; i < num_panels * panel_size; ++i) {
+            const int p = i / panel_size;
+            out[j] += panels[(p * num_columns + j) * panel_size + i % panel_size] * x[i];
+        }
+    }
+}
+
 inline void combine_grams(const float* grams, int num_columns, int width, const float* scales, float* gram)
 {
     const int size = width * width;
@@ -334,6 +363,8 @@ namespace lineament::kernels {
                                       scalar::combine_panels<float>,
                                       scalar::combine_panels<std::int16_t>,
                                       scalar::add_columns,
+                                      scalar::combine_blocks,
+                                      scalar::multiply_panels,
                                       scalar::combine_grams,
                                       scalar::project_rows,
                                       scalar::multiply_rows,
