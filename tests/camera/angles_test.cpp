@@ -27,6 +27,7 @@ TEST(Angles, InverseOfEachOther)
         const HeadAngles angles{random.uniform(-3.1, 3.1), random.uniform(-1.5, 1.5), random.uniform(-3.1, 3.1)};
         const HeadAngles back = angles_from_rotation(rotation_from_angles(angles));
         EXPECT_NEAR(back.yaw, angles.yaw, 1e-9);
+        EXPECT_EQ(yaw_from_rotation(rotation_from_angles(angles)), back.yaw);
         EXPECT_NEAR(back.pitch, angles.pitch, 1e-9);
         EXPECT_NEAR(back.roll, angles.roll, 1e-9);
     }

@@ -410,7 +410,7 @@ TEST(RealtimeFitter, GivesTheMeshesOfManyFitsAtOnce)
 {
     Random random(781);
     for (const MeshStorage storage : {MeshStorage::float32, MeshStorage::int16}) {
-        for (const char* set : {"ekman6", ""}) {
+        for (const char* set : {"ekman6", "arkit47", ""}) {
             Bench bench(face_model(), with_contour(ContourMode::fixed, set), kernels::dispatched_kernels(), storage);
             std::vector<FitResult> fits; // more than are done in one go
             for (int f = 0; f < 40; ++f) {

@@ -190,6 +190,8 @@ inline bool RealtimeFit::read_landmarks()
     frame_.has_depth = false;
     std::fill(frame_.landmark_of_fixed.begin(), frame_.landmark_of_fixed.end(), -1);
     std::fill_n(frame_.information.data(), pack_.fixed.num_points, 0.0);
+    std::fill_n(frame_.seen_u.data(), pack_.fixed.num_points, 0.0); // of those not seen nothing stays of fits before
+    std::fill_n(frame_.seen_v.data(), pack_.fixed.num_points, 0.0);
     frame_.map_indices.resize(count);
     frame_.name_keys.resize(count);
     frame_.slots.assign(count, frame_.spare_slot);

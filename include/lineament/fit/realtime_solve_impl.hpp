@@ -219,8 +219,10 @@ inline bool RealtimeFit::solve_expression()
             for (int i = 0; i < num_free; ++i) {
                 work_.step[work_.free[i]] = solution[i];
             }
-            std::fill_n(work_.gradient.data(), width, 0.0f);
-            kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
+            if (num_free < k) { // it is that of those at a bound that is asked for
+                std::fill_n(work_.gradient.data(), width, 0.0f);
+                kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
+            }
         }
         int num_wrong = 0;
         int last_wrong = -1;
