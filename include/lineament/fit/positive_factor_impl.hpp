@@ -42,10 +42,19 @@ public:
         if (kernels_ == nullptr) {
             return cholesky_.solve(b);
         }
-        double* x = room_for(right_side_, padded_size(size_));
+        const int n = static_cast<int>(size_), width = padded_size(size_);
+        double* x = room_for(right_side_, width);
         Eigen::Map<Eigen::VectorXd> solved(x, size_);
         solved = b;
-        kernels_->solve_factored(system_.data(), static_cast<int>(size_), width_, x);
+        if (is_root_known_) { // R^T R b: two products in which nothing waits for anything
+            std::fill(x + n, x + width, 0.0);
+            double* product = room_for(product_, width);
+            kernels_->multiply_double_rows(root_.data(), n, width, x, product);
+            std::fill_n(x, width, 0.0);
+            kernels_->add_double_rows(root_.data(), n, width, product, x);
+        } else {
+            kernels_->solve_factored(system_.data(), n, width_, x);
+        }
         return solved;
     }
 
@@ -64,10 +73,11 @@ public:
     /// R = U^-T of the leading n unknowns, the root of their block's inverse: its inverse is R^T R. Lower triangular.
     [[nodiscard]] Root inverse_root(Eigen::Index n)
     {
-        const int width = padded_size(n);
-        Root root(room_for(root_, n * width), n, n, Eigen::OuterStride<>(width));
-        if (kernels_ != nullptr) {
-            kernels_->invert_factor(system_.data(), static_cast<int>(n), width_, root_.data(), width);
+        const int width = padded_size(size_);
+        Root root(room_for(root_, size_ * width), n, n, Eigen::OuterStride<>(width));
+        if (kernels_ != nullptr) { // of all unknowns, for the solutions to come
+            kernels_->invert_factor(system_.data(), static_cast<int>(size_), width_, root_.data(), width);
+            is_root_known_ = true;
         } else {
             root = cholesky_.matrixLLT().topLeftCorner(n, n).triangularView<Eigen::Lower>().solve(
                 Eigen::MatrixXd::Identity(n, n));
@@ -83,7 +93,7 @@ public:
         if (kernels_ == nullptr) {
             inverse.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
         } else {
-            const int width = padded_size(n);
+            const int width = padded_size(size_);
             double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
             std::fill_n(gram, width * width, 0.0);
             kernels_->add_lower_gram(root.data(), static_cast<int>(n), width, gram);
@@ -108,6 +118,7 @@ private:
     /// U, with U^-T times the columns beside it.
     void factor_beside(const Eigen::MatrixXd& matrix, double damping, const Eigen::MatrixXd& columns)
     {
+        is_root_known_ = false;
         const int n = static_cast<int>(size_);
         width_ = padded_size(size_) + kernels::round_up(static_cast<int>(columns.cols()), kernels::double_step);
         double* row = room_for(system_, static_cast<Eigen::Index>(n) * width_);
@@ -126,7 +137,9 @@ private:
     Eigen::Index size_ = 0;
     int width_ = 0;
     AlignedBuffer<double> system_ = {}; ///< U in its upper triangle.
-    AlignedBuffer<double> right_side_ = {}, root_ = {}, gram_ = {};
+    bool is_root_known_ = false;
+    AlignedBuffer<double> root_ = {}; ///< U^-T, where known.
+    AlignedBuffer<double> right_side_ = {}, product_ = {}, gram_ = {};
     Eigen::LLT<Eigen::MatrixXd> cholesky_ = {};
 };
 
