@@ -10,7 +10,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
+#include <vector>
 
 namespace lineament {
 namespace {
@@ -58,6 +60,26 @@ TEST(FitterLimits, CoordinatesBeyondAnyPictureAreRefused)
         set = plant(random, 1, 1.0).images[0];
         set.landmarks[20].depth_px = factor;
         EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)joint.fit(set, centre); }, "depth_px"));
+    }
+}
+
+TEST(FitterLimits, NumbersThatOverflowGiveNoFaceAndNoNumberThatIsNone)
+{
+    Random random(616);
+    const LandmarkSet set = plant(random, 1, 1.0).images[0];
+    const JointFitter fitter(synthetic_face());
+    for (const double variance_px : {1e100, 1e300}) { // its inverse squared is 0
+        const std::vector<Eigen::Matrix2d> noise(set.landmarks.size(), variance_px * Eigen::Matrix2d::Identity());
+        const JointFitResult result = fitter.fit(set, centre, nullptr, noise);
+        EXPECT_EQ(result.fit.status, variance_px == 1e100 ? FitStatus::success : FitStatus::degenerate);
+        EXPECT_TRUE(result.fit.shape_coefficients.allFinite() && result.fit.expression_coefficients.allFinite() &&
+                    result.fit.camera.camera_from_model.allFinite() && result.covariance.allFinite() &&
+                    std::isfinite(result.fit.rms_px) && std::isfinite(result.fit.chi_square));
+        if (variance_px == 1e300) {
+            EXPECT_EQ(result.fit.reason, "landmarks or noise of such sizes give no finite fit");
+            EXPECT_EQ(result.fit.shape_coefficients.norm(), 0);
+            EXPECT_EQ(result.covariance.size(), 0);
+        }
     }
 }
 
