@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/fit/affine_camera.hpp"
 #include "lineament/fit/pose.hpp"
+#include "lineament/fit/pose_step_impl.hpp"
 
 #include "support/matchers.hpp"
 #include "support/synthetic_face.hpp"
 
 #include <Eigen/SVD>
+
+#include <limits>
 
 namespace lineament {
 namespace {
@@ -296,6 +299,32 @@ TEST(EstimateAffineCamera, DegeneratePointsGetTheirStatus)
     EXPECT_EQ(estimate_affine_camera(points, seen).status, FitStatus::degenerate);
     points.setZero();
     EXPECT_EQ(estimate_affine_camera(points, seen).status, FitStatus::degenerate);
+}
+
+TEST(SeePoint, DerivativesAreDifferencesOfProjections)
+{
+    Random random(812);
+    for (const double phi : {0.0, 0.002}) {
+        Camera camera = test::random_camera(random, 60);
+        camera.phi_per_mm = phi;
+        const Eigen::Vector3d point = 60 * test::random_normal(random, 3);
+        const detail::SeenPoint seen = detail::see_point(camera, point);
+        EXPECT_THAT(seen.at_px, IsNear(camera.project(point), 1e-10));
+        EXPECT_THAT(seen.by_point, IsNear(camera.jacobian(point), 1e-12));
+        const double focal_length_px = phi > 0 ? camera.scale_px_per_mm / phi : std::numeric_limits<double>::infinity();
+        for (int k = 0; k < 6; ++k) {
+            const detail::PoseStep step = 1e-5 * detail::PoseStep::Unit(k);
+            const Eigen::Vector2d forth = detail::apply_step(camera, step, focal_length_px).project(point);
+            const Eigen::Vector2d back = detail::apply_step(camera, -step, focal_length_px).project(point);
+            EXPECT_THAT(seen.by_camera.col(k), IsNear(Eigen::Vector2d((forth - back) / 2e-5), 1e-6)) << k;
+        }
+        Camera nearer = camera, farther = camera;
+        nearer.phi_per_mm += 1e-8;
+        farther.phi_per_mm -= 1e-8;
+        const Eigen::Vector2d slope = (nearer.project(point) - farther.project(point)) / 2e-8;
+        EXPECT_THAT(seen.by_phi, IsNear(slope, 1e-4));
+        EXPECT_GT(seen.by_phi.norm(), 1); // the twin
+    }
 }
 
 } // namespace

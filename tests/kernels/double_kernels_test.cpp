@@ -11,7 +11,9 @@
 #include <Eigen/Cholesky>
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <utility>
 
 namespace lineament::kernels {
 namespace {
@@ -135,6 +137,25 @@ TEST_P(DoubleKernelsTest, FactorsAndSolves)
         }
         EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-12);
     }
+}
+
+TEST(AlignedBuffer, CopiesAndMoves)
+{
+    Random random(93);
+    AlignedBuffer<double> from = random_doubles(random, 21);
+    const double* const data = from.data();
+    AlignedBuffer<double> copy = from;
+    EXPECT_EQ(matrix_of(copy, 21, 1), matrix_of(from, 21, 1));
+    EXPECT_NE(copy.data(), data);
+    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(copy.data()) % 64, 0);
+    copy[3] += 1; // its own
+    EXPECT_NE(copy[3], from[3]);
+    AlignedBuffer<double> other(2);
+    other = from;
+    EXPECT_EQ(matrix_of(other, 21, 1), matrix_of(from, 21, 1));
+    other = std::move(from);
+    EXPECT_EQ(other.data(), data);
+    EXPECT_EQ(AlignedBuffer<double>(AlignedBuffer<double>()).size(), 0);
 }
 
 TEST_P(DoubleKernelsTest, NotPositiveDefiniteIsTold)
