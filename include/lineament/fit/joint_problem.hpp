@@ -194,6 +194,7 @@ private:
     void set_couplings(const JointState& state, JointSystem& system) const;
     void eliminate_bias_gradient(JointSystem& system) const;
     void set_hessian(const JointState& state, JointSystem& system) const;
+    void eliminate_bias_hessian(JointSystem& system) const;
     void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
                   Eigen::MatrixXd& gram) const;
     void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,

@@ -114,11 +114,17 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
     }
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
     inverse(linear, linear) = lambda.inverse(num_linear);
-    Eigen::MatrixXd spread(num_biases > 0 ? size : 0, 3 * num_biases); // - covariance of the unknowns with the biases
-    for (Eigen::Index b = 0; b < num_biases; ++b) {
-        const Eigen::Matrix3d bias_inverse = system.bias_inverse.middleCols<3>(3 * b);
-        const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(system.unknowns, Eigen::all);
-        spread.middleCols<3>(3 * b).noalias() = inverse * (coupling * bias_inverse);
+    const Eigen::Index num_shared =
+        std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.num_shared()) -
+        system.unknowns.begin();
+    Eigen::MatrixXd spread; // - covariance of the shared unknowns with the biases
+    if (num_biases > 0) {
+        Eigen::MatrixXd scaled(size, 3 * num_biases); // the coupling times the biases' inverse blocks
+        for (Eigen::Index b = 0; b < num_biases; ++b) {
+            const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(system.unknowns, Eigen::all);
+            scaled.middleCols<3>(3 * b).noalias() = coupling * system.bias_inverse.middleCols<3>(3 * b);
+        }
+        spread.noalias() = inverse.topRows(num_shared) * scaled;
     }
     for (std::size_t f = 0; f < problem.images.size(); ++f) {
         const std::vector<int> positions = problem.unknowns_of_image(f, system.unknowns);
@@ -139,7 +145,7 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
         if (num_biases > 0) {
             const Eigen::MatrixXd coupling =
                 system.image_couplings[f](std::vector<int>(positions.begin(), positions.begin() + shared), Eigen::all);
-            strength -= coupling.cwiseProduct(spread.topRows(shared)).sum();
+            strength -= coupling.cwiseProduct(spread).sum();
         }
         set_scale_strength(problem, f, strength, system);
     }
