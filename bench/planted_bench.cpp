@@ -326,6 +326,38 @@ void sequence(int num_subjects)
     std::printf("\nTen at once: %.3f ± %.3f mm\n", at_once.mean(), at_once.error());
 }
 
+/// Rounds of matching, with landmarks on the visible outline.
+void matching_rounds(int num_subjects)
+{
+    std::printf("\nRounds of matching, outline where it is seen, default options\n\n"
+                "| yaw | noise | rounds | error, mm | rotation, degrees |\n| --- | --- | --- | --- | --- |\n");
+    for (const auto& [min_yaw_deg, max_yaw_deg] : {std::pair(-20.0, 20.0), std::pair(50.0, 75.0)}) {
+        for (const double noise_px : {1.0, 2.8}) {
+            Protocol protocol;
+            protocol.noise_px = noise_px;
+            protocol.min_yaw_deg = min_yaw_deg;
+            protocol.max_yaw_deg = max_yaw_deg;
+            protocol.outline = bench::Outline::visible;
+            const std::vector<Subject> subjects = draw_subjects(protocol, num_subjects);
+            for (const int rounds : {1, 2, 3, 4, 8}) {
+                JointOptions options;
+                options.rounds = rounds;
+                const JointFitter fitter(model(), "ibug68", options, &kernels::dispatched_kernels());
+                Mean error, rotation_deg;
+                for (const Subject& subject : subjects) {
+                    const FitResult fit = fitter.fit(subject.images[0], centre).fit;
+                    error.add(planted->error_mm(fit.shape_coefficients, subject.alpha));
+                    const Eigen::Matrix3d turn =
+                        fit.camera.camera_from_model * subject.cameras[0].camera_from_model.transpose();
+                    rotation_deg.add(degrees(Eigen::AngleAxisd(turn).angle()));
+                }
+                std::printf("| %g to %g | %.1f px | %d | %.3f ± %.3f | %.2f ± %.2f |\n", min_yaw_deg, max_yaw_deg,
+                            noise_px, rounds, error.mean(), error.error(), rotation_deg.mean(), rotation_deg.error());
+            }
+        }
+    }
+}
+
 /// 20 to 68 of the landmarks, yaw within 60 degrees, noise of 0 to 2 px: all of it well posed.
 void statuses(int num_fits)
 {
@@ -388,6 +420,7 @@ int main(int argc, char** argv)
         run("selfie", selfie, num_subjects / 4);
         run("intervals", intervals, num_subjects);
         run("sequence", sequence, num_subjects / 4);
+        run("rounds", matching_rounds, num_subjects);
         run("status", statuses, 50 * num_subjects);
     } catch (const Error& error) {
         std::fprintf(stderr, "planted_bench: error: %s\n", error.what());
