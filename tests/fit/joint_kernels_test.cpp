@@ -6,6 +6,7 @@
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
+#include "support/matchers.hpp"
 #include "support/planted_face.hpp"
 
 #include <gtest/gtest.h>
@@ -78,12 +79,17 @@ TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecision)
 
 TEST_P(JointKernelsTest, GiveTheMeshOfPlainSums)
 {
-    const FitResult fit = JointFitter(model, "ibug68", options()).fit(faces()[0], {320, 240}).fit;
+    FitResult fit = JointFitter(model, "ibug68", options()).fit(faces()[0], {320, 240}).fit;
     const Eigen::VectorXf expected = shape_of(model, fit), neutral = neutral_shape_of(model, fit);
     ASSERT_GT((expected - neutral).cwiseAbs().maxCoeff(), 0.1);
     for (const kernels::Kernels* set : kernels::supported_kernels()) {
         EXPECT_LT((shape_of(model, fit, set) - expected).cwiseAbs().maxCoeff(), 2e-4) << set->name;
         EXPECT_LT((neutral_shape_of(model, fit, set) - neutral).cwiseAbs().maxCoeff(), 2e-4) << set->name;
+    }
+    fit.shape_coefficients.conservativeResize(1000);
+    for (const kernels::Kernels* set :
+         {static_cast<const kernels::Kernels*>(nullptr), &kernels::dispatched_kernels()}) {
+        EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)shape_of(model, fit, set); }, "fit.shape_coefficients"));
     }
 }
 

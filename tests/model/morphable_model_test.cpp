@@ -71,12 +71,6 @@ TEST(Blendshapes, DisplacementIsLinear)
     EXPECT_THAT(set.displacement(Eigen::VectorXd::Unit(4, 2)), IsNear(Eigen::VectorXf(set.offsets.col(2)), 0.0));
     EXPECT_TRUE(set.displacement(Eigen::VectorXd()).isZero(0));
     EXPECT_TRUE(test::throws<InvalidArgument>([&] { (void)set.displacement(Eigen::VectorXd::Zero(5)); }, "at most 4"));
-    Eigen::VectorXf shape = Eigen::VectorXf::Constant(set.offsets.rows(), 3.0f);
-    set.displace(one, shape);
-    EXPECT_THAT(shape, IsNear(Eigen::VectorXf(set.displacement(one).array() + 3), 1e-4));
-    EXPECT_TRUE(test::throws<InvalidArgument>([&] { set.displace(Eigen::VectorXd::Zero(5), shape); }, "at most 4"));
-    shape.conservativeResize(shape.size() - 3);
-    EXPECT_TRUE(test::throws<InvalidArgument>([&] { set.displace(one, shape); }, "shape"));
 }
 
 TEST(MorphableModel, ACoarserLevelIsTheLeadingVerticesOfTheWhole)

@@ -3,7 +3,6 @@
 #pragma once
 
 #include "lineament/core/checks.hpp"
-#include "lineament/model/add_columns_impl.hpp"
 
 #include <Eigen/Core>
 
@@ -28,19 +27,10 @@ struct Blendshapes
     /// @throws InvalidArgument if there are more coefficients than blendshapes, or one is not finite.
     [[nodiscard]] Eigen::VectorXf displacement(const Eigen::Ref<const Eigen::VectorXd>& coefficients) const
     {
-        require_coefficients(coefficients, "Blendshapes::displacement");
+        require(coefficients.size() <= num_coefficients(), "Blendshapes::displacement", "coefficients",
+                "at most " + std::to_string(num_coefficients()), std::to_string(coefficients.size()));
+        require_finite(coefficients, "Blendshapes::displacement", "coefficients");
         return offsets.leftCols(coefficients.size()) * coefficients.cast<float>();
-    }
-
-    /// Adds D psi to a neutral face (3V).
-    /// @param kernels  As of PcaModel::instance.
-    /// @throws InvalidArgument as displacement, and if the face has another size.
-    void displace(const Eigen::Ref<const Eigen::VectorXd>& coefficients, Eigen::VectorXf& shape,
-                  const kernels::Kernels* kernels = nullptr) const
-    {
-        require_coefficients(coefficients, "Blendshapes::displace");
-        require_size(shape.size(), offsets.rows(), "Blendshapes::displace", "shape");
-        detail::add_columns(offsets, coefficients.cast<float>(), kernels, shape);
     }
 
     /// The leading `count` vertices' rows.
@@ -49,14 +39,6 @@ struct Blendshapes
         require(count >= 0 && 3 * count <= offsets.rows(), "Blendshapes::first_vertices", "count",
                 "0 to " + std::to_string(offsets.rows() / 3), std::to_string(count));
         return {name, names, offsets.topRows(3 * count), standard_deviations};
-    }
-
-private:
-    void require_coefficients(const Eigen::Ref<const Eigen::VectorXd>& coefficients, const char* function) const
-    {
-        require(coefficients.size() <= num_coefficients(), function, "coefficients",
-                "at most " + std::to_string(num_coefficients()), std::to_string(coefficients.size()));
-        require_finite(coefficients, function, "coefficients");
     }
 };
 

@@ -1,1 +1,1 @@
-set(headers add_columns_impl.hpp blendshapes.hpp landmark_map.hpp morphable_model.hpp pca_model.hpp)
+set(headers blendshapes.hpp landmark_map.hpp morphable_model.hpp pca_model.hpp)

@@ -3,7 +3,6 @@
 #pragma once
 
 #include "lineament/core/checks.hpp"
-#include "lineament/model/add_columns_impl.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
@@ -30,19 +29,15 @@ struct PcaModel
     [[nodiscard]] Eigen::MatrixXf rescaled_basis() const { return basis * standard_deviations.asDiagonal(); }
 
     /// mean + B a (3V). Missing trailing coefficients are 0.
-    /// @param kernels  For the product; nullptr: by Eigen, with the instructions of the caller's flags.
     /// @throws InvalidArgument if there are more coefficients than components, or one is not finite.
-    [[nodiscard]] Eigen::VectorXf instance(const Eigen::Ref<const Eigen::VectorXd>& coefficients,
-                                           const kernels::Kernels* kernels = nullptr) const
+    [[nodiscard]] Eigen::VectorXf instance(const Eigen::Ref<const Eigen::VectorXd>& coefficients) const
     {
         require(coefficients.size() <= num_coefficients(), "PcaModel::instance", "coefficients",
                 "at most " + std::to_string(num_coefficients()), std::to_string(coefficients.size()));
         require_finite(coefficients, "PcaModel::instance", "coefficients");
         const Eigen::Index count = coefficients.size();
         const Eigen::VectorXf scaled = standard_deviations.head(count).cwiseProduct(coefficients.cast<float>());
-        Eigen::VectorXf sum = mean;
-        detail::add_columns(basis, scaled, kernels, sum);
-        return sum;
+        return mean + basis.leftCols(count) * scaled;
     }
 
     /// Least-squares coefficients (m) of a vector (3V): diag(1/sigma) U^T (v - mean) at the full level, the solution
