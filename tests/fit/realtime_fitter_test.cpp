@@ -268,13 +268,16 @@ TEST(RealtimeFitter, AgreesWithFaceFitterOn478PointsWithNoiseOfTheirOwn)
 TEST(RealtimeFitter, AgreesWithFaceFitterOnPointsWithDepth)
 {
     Random random(751);
-    for (const char* scheme : {"ibug68", "mediapipe478"}) {
-        Bench bench(face_model(), with_contour(ContourMode::fixed), kernels::dispatched_kernels(), MeshStorage::float32,
-                    scheme);
+    for (const auto& [scheme, mode] : {std::pair("ibug68", ContourMode::fixed), std::pair("ibug68", ContourMode::both),
+                                       std::pair("mediapipe478", ContourMode::fixed)}) {
+        Bench bench(face_model(), with_contour(mode), kernels::dispatched_kernels(), MeshStorage::float32, scheme);
         for (int trial = 0; trial < 20; ++trial) {
             Planted planted = plant(face_model(), random, 1.5, 45, scheme);
             const FitResult flat = bench.reference(planted);
             test::add_depth(face_model(), planted.camera, -80, planted.landmarks);
+            for (std::size_t l = 0; trial % 2 == 0 && l < 17; ++l) { // of the outline other depths than of the rest
+                *planted.landmarks.landmarks[l].depth_px += random.uniform(-30, 30);
+            }
             const FitResult reference = bench.reference(planted);
             expect_same(bench.fit(planted), reference, face_model(), 1.0);
             EXPECT_THAT(reference.camera.camera_from_model,
@@ -308,6 +311,18 @@ TEST(RealtimeFitter, AFitDoesNotDependOnTheLandmarksBefore)
             EXPECT_EQ(numbers_of(result), numbers_of(expected)) << pair;
             EXPECT_EQ(result.status, expected.status) << pair;
         }
+    }
+    FitResult far_away;
+    fitter.fit(sets[0], centre, used, far_away);
+    for (const double factor : {1e3, 1e10, 1e40, 1e200}) { // numbers that no float holds
+        FitResult start = far_away, result, expected;
+        start.expression_coefficients.setConstant(factor);
+        start.shape_coefficients *= factor;
+        RealtimeWorkspace fresh = fitter.make_workspace();
+        fitter.fit(sets[1], centre, used, result, &start);
+        fitter.fit(sets[2], centre, used, result);
+        fitter.fit(sets[2], centre, fresh, expected);
+        EXPECT_EQ(numbers_of(result), numbers_of(expected)) << factor;
     }
     LandmarkSet moved = sets[0]; // its places are read anew
     for (Landmark& landmark : moved.landmarks) {

@@ -155,6 +155,7 @@ TEST(AlignedBuffer, CopiesAndMoves)
     EXPECT_EQ(matrix_of(other, 21, 1), matrix_of(from, 21, 1));
     other = std::move(from);
     EXPECT_EQ(other.data(), data);
+    EXPECT_EQ(from.size(), 0);
     EXPECT_EQ(AlignedBuffer<double>(AlignedBuffer<double>()).size(), 0);
 }
 

@@ -475,7 +475,14 @@ inline JointFramesResult JointFit::result()
         result.landmark_bias_mm = state_.bias;
     }
     linearize();
-    const JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
+    JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
+    if (problem_.kernels != nullptr && !std::isfinite(certainty.covariance.cwiseAbs().sum())) {
+        // The matrix is not positive definite to single precision.
+        const kernels::Kernels* const kernels = std::exchange(problem_.kernels, nullptr);
+        linearize();
+        certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
+        problem_.kernels = kernels;
+    }
     const Eigen::MatrixXd& covariance = certainty.covariance;
     const Eigen::Index num_shape = problem_.num_shape();
     const Eigen::Index num_expressions = problem_.num_own() - 6;

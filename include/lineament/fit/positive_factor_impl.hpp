@@ -31,6 +31,10 @@ public:
             Eigen::MatrixXd damped = matrix;
             damped.diagonal() *= 1 + damping;
             cholesky_.compute(damped);
+            if (cholesky_.info() != Eigen::Success) {
+                damped.setConstant(std::numeric_limits<double>::quiet_NaN());
+                cholesky_.compute(damped);
+            }
         } else {
             factor_beside(matrix, damping, Eigen::MatrixXd(size_, 0));
         }

@@ -222,11 +222,10 @@ struct RealtimeFrame
     bool is_plain = false; ///< The landmarks were the map's, in its order, seen for certain and without depth.
     /// Where points are seen, and behind them outline landmarks, matched or not [px], from the principal point.
     AlignedBuffer<double> seen_u = {}, seen_v = {};
-    AlignedBuffer<double> information = {}; ///< Weight before scale; 0: not seen, or no point.
-    std::vector<std::optional<double>> fixed_depth_px = {};
+    AlignedBuffer<double> information = {};       ///< Weight before scale; 0: not seen, or no point.
     std::array<OutlineLandmarks, 2> outline = {}; ///< By FaceSide.
     bool has_outline = false;
-    bool has_depth = false; ///< Of any fixed point.
+    bool has_depth = false; ///< Of any landmark that the fit can use.
     bool is_nominal = true; ///< Every fixed point seen with confidence 1: the Gram matrices hold.
     int num_fixed_seen = 0;
 

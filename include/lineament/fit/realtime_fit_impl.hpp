@@ -231,7 +231,6 @@ inline bool RealtimeFit::read_landmarks()
             frame_.seen_u[f] = point.x();
             frame_.seen_v[f] = point.y();
             frame_.information[f] = pack_.fixed_information[f] * confidence;
-            frame_.fixed_depth_px[f] = landmark.depth_px;
             frame_.has_depth = frame_.has_depth || landmark.depth_px;
             is_certain = is_certain && confidence == 1;
             ++num_fixed_seen;
@@ -246,6 +245,7 @@ inline bool RealtimeFit::read_landmarks()
             frame_.slots[l] = outline.first_slot + i;
             frame_.seen_u[frame_.slots[l]] = point.x();
             frame_.seen_v[frame_.slots[l]] = point.y();
+            frame_.has_depth = frame_.has_depth || landmark.depth_px;
             outline.information[i] = information;
             outline.root_information[i] = confidence == 1 ? pack_.root_contour_information : std::sqrt(information);
             frame_.has_outline = frame_.has_outline || entry.is_measured;
@@ -257,14 +257,23 @@ inline bool RealtimeFit::read_landmarks()
     return true;
 }
 
+/// Whether no sum of theirs overflows in single precision.
+[[nodiscard]] inline bool is_moderate(const Eigen::VectorXd& coefficients)
+{
+    return (coefficients.array().abs() <= 1e6).all();
+}
+
 inline bool RealtimeFit::read_identity(const FitResult* start)
 {
     if (frozen_ != nullptr) {
+        if (!is_moderate(frozen_->shape_coefficients_)) {
+            return false;
+        }
         std::copy_n(frozen_->shape_coefficients_.data(), pack_.num_shape, work_.alpha.begin());
     } else if (start == nullptr) {
         std::fill(work_.alpha.begin(), work_.alpha.end(), 0.0);
     } else {
-        if (start->shape_coefficients.size() != pack_.num_shape || !start->shape_coefficients.allFinite()) {
+        if (start->shape_coefficients.size() != pack_.num_shape || !is_moderate(start->shape_coefficients)) {
             return false;
         }
         std::copy_n(start->shape_coefficients.data(), pack_.num_shape, work_.alpha.begin());
@@ -278,7 +287,7 @@ inline bool RealtimeFit::read_expressions(const FitResult* start)
         std::fill(frame_.psi.begin(), frame_.psi.end(), 0.0);
     } else {
         if (start->expression_coefficients.size() != pack_.num_expressions ||
-            !start->expression_coefficients.allFinite()) {
+            !is_moderate(start->expression_coefficients)) {
             return false;
         }
         std::copy_n(start->expression_coefficients.data(), pack_.num_expressions, frame_.psi.begin());
@@ -303,6 +312,9 @@ inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const 
     if (!read_landmarks() || !read_expressions(start) || frame_.num_fixed_seen < 4) {
         return false;
     }
+    // What kernels read beyond the points of this fit counts nothing, unless it is no number.
+    std::fill(work_.points.data() + 3 * pack_.first_match, work_.points.data() + work_.points.size(), 0.0f);
+    std::fill(work_.factors.data() + 3 * pack_.first_match, work_.factors.data() + work_.factors.size(), 0.0f);
     update_expression_row();
     update_fixed_positions();
     return estimate_pose();

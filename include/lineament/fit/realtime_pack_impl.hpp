@@ -382,7 +382,6 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     frame.seen_u = AlignedBuffer<double>(static_cast<std::size_t>(frame.spare_slot) + 1);
     frame.seen_v = AlignedBuffer<double>(static_cast<std::size_t>(frame.spare_slot) + 1);
     frame.information = AlignedBuffer<double>(max_points(pack));
-    frame.fixed_depth_px.resize(num_fixed);
     frame.matches.reserve(max_matches);
     frame.match_rows.reserve(max_matches);
     frame.match_root_information.reserve(max_matches);

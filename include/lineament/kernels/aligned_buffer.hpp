@@ -29,7 +29,8 @@ public:
     {
         std::copy_n(other.data(), other.size_, data());
     }
-    AlignedBuffer(AlignedBuffer&&) noexcept = default;
+    AlignedBuffer(AlignedBuffer&& other) noexcept : data_(std::move(other.data_)), size_(std::exchange(other.size_, 0))
+    {}
     AlignedBuffer& operator=(AlignedBuffer other) noexcept
     {
         std::swap(data_, other.data_);
