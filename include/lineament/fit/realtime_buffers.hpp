@@ -48,6 +48,12 @@ struct PointPanels
     [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(num_panels) * kernels::panel_size; }
 };
 
+/// Whether coefficients are finite and nothing made of them overflows in single precision.
+[[nodiscard]] inline bool is_moderate(const Eigen::VectorXd& coefficients)
+{
+    return coefficients.cwiseAbs().sum() <= 1e6;
+}
+
 /// The memory of kernels::SparseColumns.
 struct ColumnBlocks
 {
@@ -270,6 +276,7 @@ struct RealtimeBuffers
     std::vector<double> alpha = {};
     AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
 
+    bool is_unfinished = false; ///< The fit before was handed to the reference, perhaps with numbers that are none.
     AlignedBuffer<float> points = {}; ///< S(a, psi) of fixed points and matches.
     AlignedBuffer<float> rest = {};   ///< And of the others.
     std::vector<int> new_rows = {};   ///< Matched, but not known of this identity.

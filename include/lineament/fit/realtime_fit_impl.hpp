@@ -257,16 +257,10 @@ inline bool RealtimeFit::read_landmarks()
     return true;
 }
 
-/// Whether no sum of theirs overflows in single precision.
-[[nodiscard]] inline bool is_moderate(const Eigen::VectorXd& coefficients)
-{
-    return (coefficients.array().abs() <= 1e6).all();
-}
-
 inline bool RealtimeFit::read_identity(const FitResult* start)
 {
     if (frozen_ != nullptr) {
-        if (!is_moderate(frozen_->shape_coefficients_)) {
+        if (!frozen_->is_moderate_) {
             return false;
         }
         std::copy_n(frozen_->shape_coefficients_.data(), pack_.num_shape, work_.alpha.begin());
@@ -312,9 +306,11 @@ inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const 
     if (!read_landmarks() || !read_expressions(start) || frame_.num_fixed_seen < 4) {
         return false;
     }
-    // What kernels read beyond the points of this fit counts nothing, unless it is no number.
-    std::fill(work_.points.data() + 3 * pack_.first_match, work_.points.data() + work_.points.size(), 0.0f);
-    std::fill(work_.factors.data() + 3 * pack_.first_match, work_.factors.data() + work_.factors.size(), 0.0f);
+    if (work_.is_unfinished) { // what kernels read beyond the points of this fit counts nothing if it is a number
+        std::fill(work_.points.data(), work_.points.data() + work_.points.size(), 0.0f);
+        std::fill(work_.factors.data(), work_.factors.data() + work_.factors.size(), 0.0f);
+    }
+    work_.is_unfinished = true;
     update_expression_row();
     update_fixed_positions();
     return estimate_pose();
@@ -332,6 +328,7 @@ inline void RealtimeFit::finish(FitResult& result, int iterations)
     update_match_positions();
     turn_by_depth();
     write(result, iterations);
+    work_.is_unfinished = false;
 }
 
 inline bool RealtimeFit::match_and_estimate_pose()

@@ -39,6 +39,7 @@ private:
     friend class detail::RealtimeFit;
     friend class detail::RealtimeFramesFit;
     Eigen::VectorXd shape_coefficients_ = {};
+    bool is_moderate_ = true;
     detail::NeutralShape neutral_ = {};
 };
 

@@ -116,6 +116,7 @@ LINEAMENT_FIT_INLINE FrozenIdentity RealtimeFitter::freeze(const Eigen::VectorXd
     FrozenIdentity frozen;
     frozen.shape_coefficients_ = Eigen::VectorXd::Zero(pack_.num_shape);
     frozen.shape_coefficients_.head(shape_coefficients.size()) = shape_coefficients;
+    frozen.is_moderate_ = detail::is_moderate(shape_coefficients);
     frozen.neutral_ = detail::make_neutral(pack_);
     detail::NeutralShape& neutral = frozen.neutral_;
     float* alpha = neutral.alpha_row.data();
