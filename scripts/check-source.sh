@@ -65,6 +65,14 @@ QR [hH]ouseholderQ[rR]
 SVD JacobiSVD|BDCSVD
 EOF
 
+# A header that no list names is not installed.
+for file in $(grep -E '^include/lineament/[a-z]+/[a-z_0-9]+\.hpp$' <<< "$sources"); do
+    [ -e "$file" ] || continue
+    module=$(cut -d/ -f3 <<< "$file")
+    grep -qsw "$(basename "$file")" "include/lineament/$module/headers.cmake" "src/$module/CMakeLists.txt" ||
+        complain "$file: not in include/lineament/$module/headers.cmake"
+done
+
 # The locale must not change a number: no locale-dependent conversion outside of messages.
 grep -nE '\b(strtod|strtof|stof|stod|atof|setlocale)\b' $(grep -E '^(include|src|apps)/' <<< "$sources") && complain "use std::from_chars"
 if [ "$failures" -gt 0 ]; then

@@ -38,9 +38,11 @@ set(definitions
     identity_impl.hpp
     joint_fit_impl.hpp
     joint_fitter_impl.hpp
+    joint_hessian_impl.hpp
     joint_image_impl.hpp
     joint_problem_impl.hpp
     joint_solver_impl.hpp
+    joint_start_impl.hpp
     landmark_use_impl.hpp
     multi_frame_impl.hpp
     packed_points_impl.hpp

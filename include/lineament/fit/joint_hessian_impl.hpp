@@ -1,0 +1,243 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The matrix of a joint fit's step.
+#pragma once
+
+#include "lineament/fit/joint_problem.hpp"
+
+#include "lineament/fit/inline.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace lineament::detail {
+
+/// How the biases are coupled with each other and with the unknowns.
+LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, JointSystem& system) const
+{
+    const Eigen::Index num_biases = state.bias.cols();
+    const Eigen::Index shared = num_shared();
+    if (num_biases == 0) {
+        return;
+    }
+    system.bias_blocks.setZero(3, 3 * num_biases);
+    system.bias_coupling.setZero(num_unknowns(), 3 * num_biases);
+    system.image_couplings.assign(images.size(), Eigen::MatrixXd::Zero(shared + num_own(), 3 * num_biases));
+    Eigen::MatrixX2d rows;
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        Eigen::MatrixXd& coupling = system.image_couplings[f];
+        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
+            const Eigen::Index b = images[f].used[i].bias_index;
+            if (b >= 0) {
+                const PointTerm& term = system.terms[f][i];
+                const Eigen::Matrix<double, 2, 3> by_bias = own_scale(f, state) * term.by_point;
+                set_rows_of_point(f, static_cast<Eigen::Index>(i), term, own_scale(f, state), rows);
+                coupling.middleCols<3>(3 * b).noalias() += rows * by_bias;
+                system.bias_blocks.middleCols<3>(3 * b).noalias() += by_bias.transpose() * by_bias;
+            }
+        }
+        system.bias_coupling.topRows(shared) += coupling.topRows(shared);
+        system.bias_coupling.middleRows(own_begin(f), num_own()) = coupling.bottomRows(num_own());
+    }
+    system.bias_inverse.resize(3, 3 * num_biases);
+    for (Eigen::Index b = 0; b < num_biases; ++b) {
+        Eigen::Matrix3d block = system.bias_blocks.middleCols<3>(3 * b);
+        block.diagonal() += bias_variances_mm.col(b).cwiseInverse();
+        system.bias_inverse.middleCols<3>(3 * b) = block.inverse();
+    }
+}
+
+LINEAMENT_FIT_INLINE std::vector<int> JointProblem::unknowns_of_image(std::size_t image,
+                                                                      const std::vector<int>& unknowns) const
+{
+    std::vector<int> positions;
+    const int shared = static_cast<int>(num_shared());
+    const int begin = static_cast<int>(own_begin(image));
+    const int end = begin + static_cast<int>(num_own());
+    for (const int unknown : unknowns) {
+        if (unknown < shared) {
+            positions.push_back(unknown);
+        } else if (unknown >= begin && unknown < end) {
+            positions.push_back(shared + unknown - begin);
+        }
+    }
+    return positions;
+}
+
+/// J^T W J of some unknowns of one image, by their positions in [shared | own].
+LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
+                                                 JointSystem& system, Eigen::MatrixXd& gram) const
+{
+    const std::vector<PointTerm>& terms = system.terms[image];
+    const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
+    gram.resize(size, size);
+    if (kernels != nullptr) {
+        set_gram_by_kernels(image, own_scale, unknowns, system, gram);
+        return;
+    }
+    Eigen::MatrixXd rows(size, 2 * static_cast<Eigen::Index>(terms.size()));
+    Eigen::MatrixX2d of_point;
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+        const Eigen::Index point = static_cast<Eigen::Index>(i);
+        set_rows_of_point(image, point, terms[i], own_scale, of_point);
+        rows.middleCols<2>(2 * point) = of_point(unknowns, Eigen::all);
+    }
+    gram.setZero();
+    gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
+}
+
+/// In single precision. What it leaves out changes the way of a step, not where the steps end: the gradient is kept in
+/// double precision.
+LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, double own_scale,
+                                                            const std::vector<int>& unknowns, JointSystem& system,
+                                                            Eigen::MatrixXd& gram) const
+{
+    const std::vector<PointTerm>& terms = system.terms[image];
+    const PackedPoints& points = images[image].points;
+    const int num_rows = 2 * static_cast<int>(terms.size());
+    const int shape_width = points.identity.width(), expression_width = points.expression.width();
+    constexpr int camera_width = kernels::double_step; // the six of the camera and phi
+    const int width = kernels::round_up(shape_width + expression_width + camera_width, kernels::width_step);
+    float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width);
+
+    // [alpha | psi | camera, phi], each filled up.
+    double* jacobians = room_for(system.factors, 3 * num_rows);
+    float* camera = rows + shape_width + expression_width;
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(jacobians + 6 * i) = terms[i].by_point;
+        for (int axis = 0; axis < 2; ++axis, camera += width) {
+            for (int c = 0; c < 6; ++c) {
+                camera[c] = static_cast<float>(terms[i].by_camera(axis, c));
+            }
+            camera[6] = static_cast<float>(terms[i].by_phi[axis]);
+        }
+    }
+    kernels->project_points(points.identity.data(), shape_width, num_rows / 2, jacobians, rows, width);
+    Eigen::Map<Eigen::VectorXd>(jacobians, 3 * num_rows) *= own_scale;
+    kernels->project_points(points.expression.data(), expression_width, num_rows / 2, jacobians, rows + shape_width,
+                            width);
+
+    // Of each row what is asked for, moved together.
+    const int shape_size = static_cast<int>(num_shape()), shared = static_cast<int>(num_shared());
+    const int camera_begin = shared + static_cast<int>(num_expressions_);
+    const int size = static_cast<int>(unknowns.size());
+    int num_first = 0; // those that stay where they are
+    std::vector<int>& columns = system.columns;
+    columns.clear();
+    for (const int unknown : unknowns) {
+        columns.push_back(unknown < shape_size     ? unknown
+                          : unknown < shared       ? shape_width + expression_width + 6
+                          : unknown < camera_begin ? shape_width + unknown - shared
+                                                   : shape_width + expression_width + unknown - camera_begin);
+        num_first += columns.back() == num_first && static_cast<int>(columns.size()) == num_first + 1;
+    }
+    const int gram_width = kernels::round_up(size, kernels::width_step);
+    const float* from = rows;
+    float* to = rows;
+    float* moved = room_for(system.moved, size);
+    for (int r = 0; r < num_rows; ++r, from += width, to += gram_width) {
+        for (int c = num_first; c < size; ++c) {
+            moved[c] = from[columns[static_cast<std::size_t>(c)]];
+        }
+        if (to != from) {
+            std::copy_n(from, num_first, to);
+        }
+        std::fill(std::copy(moved + num_first, moved + size, to + num_first), to + gram_width, 0.0f);
+    }
+    float* sums = room_for(system.gram, static_cast<Eigen::Index>(gram_width) * gram_width);
+    std::fill_n(sums, gram_width * gram_width, 0.0f);
+    kernels->add_gram(rows, num_rows, gram_width, sums);
+    for (int j = 0; j < size; ++j) { // the upper triangle's rows are the lower one's columns
+        std::copy(sums + j * (gram_width + 1), sums + j * gram_width + size, gram.data() + j * (size + 1));
+    }
+}
+
+/// The matrix of system.unknowns, biases eliminated.
+LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, JointSystem& system) const
+{
+    const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
+    const auto is_before = [&](Eigen::Index end) {
+        return std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(end)) -
+               system.unknowns.begin();
+    };
+    const Eigen::Index shared = is_before(num_shared());
+    if (images.size() == 1 && state.bias.size() == 0) {
+        set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian);
+    } else {
+        system.hessian.setZero(size, size);
+        system.image_grams.resize(images.size());
+        for (std::size_t f = 0; f < images.size(); ++f) {
+            Eigen::MatrixXd& gram = system.image_grams[f];
+            set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram);
+            const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
+            system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
+            system.hessian.block(begin, 0, own, shared) = gram.bottomLeftCorner(own, shared);
+            system.hessian.block(begin, begin, own, own) = gram.bottomRightCorner(own, own);
+        }
+    }
+    const Eigen::Index num_alpha = is_before(num_shape());
+    if (is_prior_standard_) {
+        system.hessian.diagonal().head(num_alpha).array() += 1;
+    } else if (num_alpha == num_shape()) {
+        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_.matrix;
+    } else {
+        const std::vector<int> alpha(system.unknowns.begin(), system.unknowns.begin() + num_alpha);
+        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_.matrix(alpha, alpha);
+    }
+    for (Eigen::Index i = num_alpha; i < size; ++i) {
+        if (system.unknowns[i] < num_shared()) {
+            system.hessian(i, i) += std::pow(*options_.phi_sigma_per_mm, -2);
+        } else if (!is_camera(system.unknowns[i])) {
+            system.hessian(i, i) += std::pow(options_.expression_sigma, -2);
+        }
+    }
+    if (state.bias.size() > 0) {
+        eliminate_bias_hessian(system);
+    }
+}
+
+/// The matrix less C V C^T, of the coupling C and the biases' inverse blocks V = L L^T; in single precision, as
+/// J^T W J, where there are kernels.
+LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_hessian(JointSystem& system) const
+{
+    const Eigen::Index size = system.hessian.rows(), num_columns = system.bias_coupling.cols();
+    Eigen::MatrixXd scaled(size, num_columns); // C L
+    for (Eigen::Index begin = 0; begin < num_columns; begin += 3) {
+        const Eigen::Matrix3d inverse = system.bias_inverse.middleCols<3>(begin);
+        const Eigen::Matrix3d root = inverse.llt().matrixL();
+        const double* coupling = system.bias_coupling.data() + begin * system.bias_coupling.rows();
+        for (Eigen::Index i = 0; i < size; ++i) { // several times as fast as an indexed view
+            const int unknown = system.unknowns[i];
+            const Eigen::RowVector3d row(coupling[unknown], coupling[system.bias_coupling.rows() + unknown],
+                                         coupling[2 * system.bias_coupling.rows() + unknown]);
+            scaled.block<1, 3>(i, begin).noalias() = row * root;
+        }
+    }
+    if (kernels == nullptr) {
+        system.hessian.selfadjointView<Eigen::Lower>().rankUpdate(scaled, -1.0);
+        return;
+    }
+    const int width = kernels::round_up(static_cast<int>(size), kernels::width_step);
+    float* rows = room_for(system.rows, num_columns * width);
+    float* gram = room_for(system.gram, static_cast<Eigen::Index>(width) * width);
+    for (Eigen::Index r = 0; r < num_columns; ++r) {
+        for (Eigen::Index i = 0; i < size; ++i) {
+            rows[r * width + i] = static_cast<float>(scaled(i, r));
+        }
+        std::fill(rows + r * width + size, rows + (r + 1) * width, 0.0f);
+    }
+    std::fill_n(gram, width * width, 0.0f);
+    kernels->add_gram(rows, static_cast<int>(num_columns), width, gram);
+    for (Eigen::Index j = 0; j < size; ++j) {
+        for (Eigen::Index i = j; i < size; ++i) {
+            system.hessian(i, j) -= gram[j * width + i];
+        }
+    }
+}
+
+} // namespace lineament::detail
