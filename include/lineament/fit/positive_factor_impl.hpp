@@ -67,7 +67,7 @@ public:
     {
         if (kernels_ == nullptr) {
             factor(matrix);
-            return cholesky_.matrixL().solve(columns);
+            return columns.size() > 0 ? Eigen::MatrixXd(cholesky_.matrixL().solve(columns)) : columns;
         }
         size_ = matrix.rows();
         factor_beside(matrix, 0.0, columns);
@@ -82,7 +82,7 @@ public:
         if (kernels_ != nullptr) { // of all unknowns, for the solutions to come
             kernels_->invert_factor(system_.data(), static_cast<int>(size_), width_, root_.data(), width);
             is_root_known_ = true;
-        } else {
+        } else if (n > 0) {
             root = cholesky_.matrixLLT().topLeftCorner(n, n).triangularView<Eigen::Lower>().solve(
                 Eigen::MatrixXd::Identity(n, n));
         }
