@@ -58,7 +58,7 @@ private:
     /// Of the one image, linearised there.
     void set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
                        double matched_scale, double scale_strength);
-    void linearize();
+    void linearize(); ///< At the state, with its points placed.
     void match();
     void turn_by_depth(std::size_t used_index);
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
@@ -256,6 +256,7 @@ struct JointCertainty
 /// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
 /// unknown k that is held.
 /// @param system  With the matrix of all unknowns.
+/// @param factor  Kept for its room.
 [[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
                                                  const JointSystem& system, PositiveFactor& factor)
 {
@@ -330,7 +331,7 @@ inline FitResult JointFit::fit_result(std::size_t f) const
     result.shape_coefficients = state_.alpha;
     result.expression_coefficients = shown_.psi[f];
     show_map_points(base_.landmark_points(), image.matcher.map_indices(), result);
-    const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
+    const Eigen::Matrix3Xd& with_bias = scratch_.placed[f].points;
     const Eigen::Matrix3Xd shape = seen.points.at(problem_.kernels, state_.alpha, shown_.psi[f]);
     double sum = 0;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
@@ -487,7 +488,7 @@ inline JointFramesResult JointFit::result()
     const Eigen::Index num_shape = problem_.num_shape();
     const Eigen::Index num_expressions = problem_.num_own() - 6;
     result.shape_covariance = covariance.topLeftCorner(num_shape, num_shape);
-    result.chi_square = problem_.chi_square(state_);
+    result.chi_square = problem_.chi_square(state_, scratch_.placed);
     for (std::size_t f = 0; f < used_.size(); ++f) {
         JointFitResult& frame = result.frames[used_[f]];
         frame.fit = fit_result(f);

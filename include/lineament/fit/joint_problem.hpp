@@ -140,7 +140,7 @@ public:
     [[nodiscard]] double energy(const JointState& state, const std::vector<PlacedPoints>& placed) const;
 
     /// Weighted squares of residuals and priors, without robust loss and scale term.
-    [[nodiscard]] double chi_square(const JointState& state) const;
+    [[nodiscard]] double chi_square(const JointState& state, const std::vector<PlacedPoints>& placed) const;
 
     /// With the matrix of all unknowns.
     void linearize(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;

@@ -123,14 +123,15 @@ LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state, const 
     return energy;
 }
 
-LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state) const
+LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state,
+                                                     const std::vector<PlacedPoints>& placed) const
 {
     double sum = prior_energy(state) - state.alpha.dot(prior_gradient(state.alpha) - prior_.vector) +
                  prior_squares(prior_, state.alpha);
     for (std::size_t f = 0; f < images.size(); ++f) {
-        const Eigen::Matrix3Xd shape = shape_of_points(f, state);
-        for (Eigen::Index i = 0; i < shape.cols(); ++i) {
-            sum += squared_residual(f, i, state, shape);
+        const Eigen::Matrix3Xd& points = placed[f].points;
+        for (Eigen::Index i = 0; i < points.cols(); ++i) {
+            sum += squared_residual(f, i, state, points);
         }
     }
     return sum;

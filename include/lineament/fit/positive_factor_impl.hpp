@@ -17,6 +17,7 @@ class PositiveFactor
 {
 public:
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    /// In memory of the factor; the next matrix or root takes it.
     using Root = Eigen::Map<RowMajor, 0, Eigen::OuterStride<>>;
 
     explicit PositiveFactor(const kernels::Kernels* kernels) : kernels_(kernels) {}
