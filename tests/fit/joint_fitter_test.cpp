@@ -255,7 +255,7 @@ TEST(JointFitter, CovariancesInPixelsAndMillimetresAgree)
     Random random(155);
     const PlantedFace planted = plant_face_from_priors(random, 1.0);
     JointOptions options = given(2.0);
-    options.rounds = 6; // so that the scale that makes px of mm is that of the last round
+    options.rounds = 20; // so that the scale that makes px of mm is that of the last round
     const JointFitResult base = JointFitter(synthetic_face(), "ibug68", options).fit(planted.landmarks, {320, 240});
     const double s0 = base.matched_scale_px_per_mm;
     const std::vector<Eigen::Matrix2d> pixels(68, s0 * s0 * 4 * Eigen::Matrix2d::Identity());

@@ -186,9 +186,10 @@ inline void JointFit::run()
         const double reference = sum / num_images;
         state_.phi_per_mm *= reference / problem_.reference_scale; // the same focal length
         problem_.reference_scale = reference;
-        // Until the last round it is enough to come near.
-        minimize(problem_, state_, is_last ? options_.max_iterations : 3, is_last ? options_.tolerance : 0.1, round,
-                 scratch_, progress_);
+        // Until the last round it is enough to come near, after the first by a step with the matrix that there is.
+        scratch_.keeps_matrix = scratch_.keeps_matrix && !is_last;
+        const int max_iterations = is_last ? options_.max_iterations : round == 0 ? 3 : 1;
+        minimize(problem_, state_, max_iterations, is_last ? options_.tolerance : 0.1, round, scratch_, progress_);
     }
     shown_ = state_;
     for (std::size_t f = 0; f < used_.size(); ++f) {

@@ -29,7 +29,7 @@ struct JointProgress
     std::vector<EnergyStep> energies = {};
 };
 
-/// Kept from round to round for its room.
+/// Kept from round to round, for its room and the matrix.
 struct JointScratch
 {
     explicit JointScratch(const kernels::Kernels* kernels) : factor(kernels) {}
@@ -38,11 +38,12 @@ struct JointScratch
     PositiveFactor factor;
     std::vector<PlacedPoints> placed = {}, next_placed = {};
     Eigen::VectorXd down = {}, up = {};
+    bool keeps_matrix = false; ///< The next step may take the system's matrix and its factor over.
 };
 
-/// Lowers the energy of a round by damped Gauss-Newton steps, whose matrix is kept while the steps are short, until the
-/// step left is `tolerance` posterior standard deviations long (step^T H step = -gradient^T step), or the iterations
-/// are used up.
+/// Lowers the energy of a round by damped Gauss-Newton steps, whose matrix is kept while the steps are short, until
+/// what is left to go after a step is `tolerance` posterior standard deviations long (step^T H step = -gradient^T step,
+/// times the rate at which that falls), or the iterations are used up. A kept matrix keeps the scale strengths.
 void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance, int round,
               JointScratch& scratch, JointProgress& progress);
 

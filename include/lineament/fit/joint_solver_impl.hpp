@@ -151,8 +151,8 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
     }
 }
 
-/// Below this -1/2 gradient . step, one posterior standard deviation squared, the matrix hardly changes with a step.
-inline constexpr double short_decrease = 1.0;
+/// Below this -gradient . step, two posterior standard deviations squared, the matrix changes little with a step.
+inline constexpr double short_decrease = 4.0;
 
 LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance,
                                    int round, JointScratch& scratch, JointProgress& progress)
@@ -160,9 +160,8 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
     progress.has_settled = false;
     double damping = 0;
     double energy = 0;
-    double last_decrease = short_decrease;
-    bool keeps_matrix = false;
-    auto& [system, factor, placed, next_placed, down, up] = scratch;
+    double last_decrease = 0;
+    auto& [system, factor, placed, next_placed, down, up, keeps_matrix] = scratch;
     problem.place(state, placed);
     for (int iteration = 0; iteration < max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;
@@ -172,9 +171,11 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
             factor.factor(system.hessian, damping);
             if (iteration == 0) {
                 refresh_scale_strengths(problem, state, system, factor);
-                energy = problem.energy(state, placed);
-                progress.energies.push_back({round, energy});
             }
+        }
+        if (iteration == 0) {
+            energy = problem.energy(state, placed);
+            progress.energies.push_back({round, energy});
         }
         problem.room(state, down, up);
         while (true) {
@@ -183,16 +184,18 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
             problem.place(next, next_placed);
             const double next_energy = problem.energy(next, next_placed);
             const double decrease = -system.gradient.dot(step);
+            const double rate = iteration == 0 ? 1.0 : std::clamp(decrease / last_decrease, 0.01, 1.0);
             // What rounding hides in the energy is settled too.
             progress.has_settled =
-                damping <= 1 && decrease <= std::max(tolerance * tolerance, 1e-14 * (1 + std::abs(energy)));
+                damping <= 1 && rate * decrease <= std::max(tolerance * tolerance, 1e-14 * (1 + std::abs(energy)));
             if (next_energy < energy) {
                 state = std::move(next);
                 placed.swap(next_placed);
                 energy = next_energy;
                 progress.energies.push_back({round, energy});
                 // A kept matrix must bring the steps down quickly.
-                keeps_matrix = damping == 0 && decrease <= (keeps_matrix ? 0.1 * last_decrease : short_decrease);
+                keeps_matrix = damping == 0 && decrease <= short_decrease &&
+                               !(keeps_matrix && iteration > 0 && decrease > 0.1 * last_decrease);
                 last_decrease = decrease;
                 damping = damping < 1e-4 ? 0 : 0.1 * damping;
                 break;
