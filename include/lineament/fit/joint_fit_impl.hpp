@@ -28,10 +28,11 @@ namespace lineament::detail {
 class JointFit
 {
 public:
-    /// @param num_before  Images that the prior comes from.
-    /// @param kernels     As of the JointFitter.
-    JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior, int num_before,
-             const kernels::Kernels* kernels);
+    /// @param landmark_points  Those of the landmark map.
+    /// @param num_before       Images that the prior comes from.
+    /// @param kernels          As of the JointFitter.
+    JointFit(const FaceFitter& base, const PackedPoints& landmark_points, const JointOptions& options,
+             const IdentityInformation& prior, int num_before, const kernels::Kernels* kernels);
 
     void add_image(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const FitResult* start,
                    std::span<const Eigen::Matrix2d> covariances_px);
@@ -62,12 +63,13 @@ private:
     void match();
     void turn_by_depth(std::size_t used_index);
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
-    [[nodiscard]] FitResult fit_result(std::size_t used_index) const;
+    void set_fit(std::size_t used_index, FitResult& result) const;
     void judge(JointFramesResult& result) const;
     void judge_image(std::size_t used_index, FitResult& fit) const;
     void withhold_unless_finite(JointFramesResult& result) const;
 
     const FaceFitter& base_;
+    const PackedPoints& landmark_points_;
     const JointOptions& options_;
     const IdentityInformation& prior_;
     int num_before_;
@@ -83,9 +85,9 @@ private:
     double contour_us_ = 0.0;
 };
 
-inline JointFit::JointFit(const FaceFitter& base, const JointOptions& options, const IdentityInformation& prior,
-                          int num_before, const kernels::Kernels* kernels)
-    : base_(base), options_(options), prior_(prior), num_before_(num_before),
+inline JointFit::JointFit(const FaceFitter& base, const PackedPoints& landmark_points, const JointOptions& options,
+                          const IdentityInformation& prior, int num_before, const kernels::Kernels* kernels)
+    : base_(base), landmark_points_(landmark_points), options_(options), prior_(prior), num_before_(num_before),
       problem_(options, prior, base.landmark_points().num_expression_coefficients()), scratch_(kernels)
 {
     problem_.kernels = kernels;
@@ -156,7 +158,7 @@ inline void JointFit::run()
     const Stopwatch stopwatch(total_us_);
     std::vector<Eigen::VectorXd> psi;
     for (std::size_t f = 0; f < images_.size(); ++f) {
-        JointImage seen = images_[f].matcher.fixed_image();
+        JointImage seen = images_[f].matcher.fixed_image(landmark_points_);
         estimate_pose(images_[f], seen, state_.psi[f]);
         if (images_[f].status == FitStatus::success) {
             used_.push_back(f);
@@ -250,8 +252,33 @@ inline void JointFit::turn_by_depth(std::size_t f)
 /// How sure the unknowns are.
 struct JointCertainty
 {
-    Eigen::MatrixXd covariance = {}; ///< K x K; rows of those held at a bound are 0.
+    std::vector<int> free = {};      ///< Ascending; the others are held at a bound.
+    Eigen::MatrixXd inverse = {};    ///< The covariance of those, lower triangle.
     Eigen::VectorXd deviations = {}; ///< K, standard deviations, each as if it were free.
+
+    [[nodiscard]] bool is_finite() const { return deviations.allFinite(); }
+
+    /// Of some unknowns, ascending; rows of those held are 0.
+    [[nodiscard]] Eigen::MatrixXd covariance_of(const std::vector<int>& unknowns) const
+    {
+        const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
+        std::vector<std::pair<Eigen::Index, Eigen::Index>> positions; // there, here
+        auto next = free.begin();
+        for (Eigen::Index i = 0; i < size; ++i) {
+            next = std::lower_bound(next, free.end(), unknowns[static_cast<std::size_t>(i)]);
+            if (next != free.end() && *next == unknowns[static_cast<std::size_t>(i)]) {
+                positions.emplace_back(i, next - free.begin());
+            }
+        }
+        Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
+        for (auto column = positions.begin(); column != positions.end(); ++column) {
+            const auto [j, from] = *column;
+            for (auto row = column; row != positions.end(); ++row) { // several times as fast as an indexed view
+                covariance(row->first, j) = covariance(j, row->first) = inverse(row->second, from);
+            }
+        }
+        return covariance;
+    }
 };
 
 /// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
@@ -261,7 +288,9 @@ struct JointCertainty
 [[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
                                                  const JointSystem& system, PositiveFactor& factor)
 {
-    const std::vector<int> free = problem.free_unknowns(state, system.gradient);
+    JointCertainty certainty;
+    std::vector<int>& free = certainty.free;
+    free = problem.free_unknowns(state, system.gradient);
     std::vector<int> held;
     std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
                         std::back_inserter(held));
@@ -274,15 +303,11 @@ struct JointCertainty
         }
     }
     const Eigen::MatrixXd solved = factor.factor_and_half_solve(block_of(system.hessian, free), beside);
-    JointCertainty certainty;
-    certainty.covariance = Eigen::MatrixXd::Zero(system.hessian.rows(), system.hessian.rows());
-    const Eigen::MatrixXd inverse = factor.inverse(num_free);
-    for (Eigen::Index j = 0; j < num_free; ++j) { // several times as fast as an indexed view
-        for (Eigen::Index i = 0; i < num_free; ++i) {
-            certainty.covariance(free[i], free[j]) = inverse(i, j);
-        }
+    certainty.inverse = factor.lower_inverse(num_free);
+    certainty.deviations.resize(system.hessian.rows());
+    for (Eigen::Index i = 0; i < num_free; ++i) {
+        certainty.deviations[free[i]] = std::sqrt(certainty.inverse(i, i));
     }
-    certainty.deviations = certainty.covariance.diagonal().cwiseSqrt();
     for (std::size_t k = 0; k < held.size(); ++k) {
         const double explained = solved.col(static_cast<Eigen::Index>(k)).squaredNorm();
         certainty.deviations[held[k]] = 1 / std::sqrt(system.hessian(held[k], held[k]) - explained);
@@ -312,26 +337,25 @@ inline FitResult JointFit::unfitted_result(const Image& image) const
     return result;
 }
 
-/// Where landmark map points are seen, for landmarks that the map knows.
-inline void show_map_points(const ModelPoints& points, const std::vector<int>& map_indices, FitResult& result)
-{
-    const Eigen::Matrix3Xd shape = points.at(result.shape_coefficients, result.expression_coefficients);
-    for (std::size_t l = 0; l < map_indices.size(); ++l) {
-        if (map_indices[l] >= 0) {
-            result.landmarks[l].fitted_px = result.camera.project(Eigen::Vector3d(shape.col(map_indices[l])));
-        }
-    }
-}
-
-inline FitResult JointFit::fit_result(std::size_t f) const
+/// What of an unfitted result the fit has changed.
+inline void JointFit::set_fit(std::size_t f, FitResult& result) const
 {
     const Image& image = images_[used_[f]];
     const JointImage& seen = problem_.images[f];
-    FitResult result = unfitted_result(image);
     result.camera = shown_.cameras[f];
     result.shape_coefficients = state_.alpha;
     result.expression_coefficients = shown_.psi[f];
-    show_map_points(base_.landmark_points(), image.matcher.map_indices(), result);
+    const std::vector<int>& map_indices = image.matcher.map_indices();
+    std::vector<bool> is_used(map_indices.size(), false);
+    for (const JointPoint& used : seen.used) {
+        is_used[static_cast<std::size_t>(used.landmark_index)] = true;
+    }
+    for (std::size_t l = 0; l < map_indices.size(); ++l) {
+        if (!is_used[l] && map_indices[l] >= 0) { // its point of the landmark map
+            result.landmarks[l].fitted_px = result.camera.project(
+                base_.landmark_points().at(map_indices[l], result.shape_coefficients, result.expression_coefficients));
+        }
+    }
     const Eigen::Matrix3Xd& with_bias = scratch_.placed[f].points;
     const Eigen::Matrix3Xd shape = seen.points.at(problem_.kernels, state_.alpha, shown_.psi[f]);
     double sum = 0;
@@ -351,7 +375,6 @@ inline FitResult JointFit::fit_result(std::size_t f) const
     result.chi_square +=
         prior_squares(prior_, state_.alpha) + (state_.psi[f] / options_.expression_sigma).squaredNorm();
     result.degrees_of_freedom = 2 * static_cast<int>(seen.used.size()) - 6;
-    return result;
 }
 
 inline void JointFit::judge(JointFramesResult& result) const
@@ -478,27 +501,25 @@ inline JointFramesResult JointFit::result()
     }
     linearize();
     JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
-    if (problem_.kernels != nullptr && !std::isfinite(certainty.covariance.cwiseAbs().sum())) {
+    if (problem_.kernels != nullptr && !certainty.is_finite()) {
         // The matrix is not positive definite to single precision.
         const kernels::Kernels* const kernels = std::exchange(problem_.kernels, nullptr);
         linearize();
         certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
         problem_.kernels = kernels;
     }
-    const Eigen::MatrixXd& covariance = certainty.covariance;
     const Eigen::Index num_shape = problem_.num_shape();
     const Eigen::Index num_expressions = problem_.num_own() - 6;
-    result.shape_covariance = covariance.topLeftCorner(num_shape, num_shape);
+    std::vector<int> face(static_cast<std::size_t>(num_shape + num_expressions)); // alpha and one image's psi
+    std::iota(face.begin(), face.begin() + num_shape, 0);
     result.chi_square = problem_.chi_square(state_, scratch_.placed);
     for (std::size_t f = 0; f < used_.size(); ++f) {
         JointFitResult& frame = result.frames[used_[f]];
-        frame.fit = fit_result(f);
+        set_fit(f, frame.fit);
         result.degrees_of_freedom += frame.fit.degrees_of_freedom;
         const Eigen::Index begin = problem_.own_begin(f);
-        frame.covariance.resize(num_shape + num_expressions, num_shape + num_expressions);
-        frame.covariance << result.shape_covariance, covariance.block(0, begin, num_shape, num_expressions),
-            covariance.block(begin, 0, num_expressions, num_shape),
-            covariance.block(begin, begin, num_expressions, num_expressions);
+        std::iota(face.begin() + num_shape, face.end(), static_cast<int>(begin));
+        frame.covariance = certainty.covariance_of(face);
         frame.expression_deviations = certainty.deviations.segment(begin, num_expressions);
         frame.unobservable_expressions =
             unobservable_names(frame.expression_deviations, frame.fit.expression_names, options_.expression_sigma);
@@ -508,6 +529,7 @@ inline JointFramesResult JointFit::result()
         frame.scale_strength = problem_.images[f].scale_strength;
         frame.energies = progress_.energies;
     }
+    result.shape_covariance = result.frames[used_[0]].covariance.topLeftCorner(num_shape, num_shape);
     judge(result);
     withhold_unless_finite(result);
     return result;
@@ -517,7 +539,7 @@ inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd&
                                     double matched_scale, double scale_strength)
 {
     used_ = {0};
-    problem_.images = {images_[0].matcher.fixed_image()};
+    problem_.images = {images_[0].matcher.fixed_image(landmark_points_)};
     problem_.images[0].scale_strength = scale_strength;
     state_.alpha = alpha;
     state_.cameras = {camera};

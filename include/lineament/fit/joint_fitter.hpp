@@ -4,6 +4,7 @@
 
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/identity_filter.hpp"
+#include "lineament/fit/packed_points_impl.hpp"
 #include "lineament/fit/robust_loss.hpp"
 #include "lineament/kernels/kernels.hpp"
 
@@ -165,7 +166,9 @@ public:
 
 private:
     JointOptions options_;
-    FaceFitter base_; ///< Landmark rows and outline, prepared.
+    FaceFitter base_;                      ///< Landmark rows and outline, prepared.
+    detail::PackedPoints landmark_points_; ///< Of the landmark map.
+    IdentityFilter no_images_;             ///< Where none came earlier.
     const kernels::Kernels* kernels_;
 };
 

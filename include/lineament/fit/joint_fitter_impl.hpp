@@ -66,7 +66,7 @@ namespace detail {
 LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options,
                                               const kernels::Kernels* kernels)
     : options_(std::move(options)), base_(std::move(model), std::move(scheme), detail::base_options(options_)),
-      kernels_(kernels)
+      landmark_points_(base_.landmark_points()), no_images_(base_.num_shape_coefficients()), kernels_(kernels)
 {}
 
 LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmarks,
@@ -74,10 +74,9 @@ LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmark
                                                      std::span<const Eigen::Matrix2d> covariances_px,
                                                      const IdentityFilter* earlier) const
 {
-    const IdentityFilter none(num_shape_coefficients());
-    const IdentityFilter& filter = earlier != nullptr ? *earlier : none;
+    const IdentityFilter& filter = earlier != nullptr ? *earlier : no_images_;
     require_size(filter.state().vector.size(), num_shape_coefficients(), "JointFitter::fit", "earlier");
-    detail::JointFit fit(base_, options_, filter.state(), filter.num_images(), kernels_);
+    detail::JointFit fit(base_, landmark_points_, options_, filter.state(), filter.num_images(), kernels_);
     fit.add_image(landmarks, principal_point_px, start, covariances_px);
     fit.run();
     return std::move(fit.result().frames.front());
@@ -91,8 +90,7 @@ LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
             "none, or one for each image", std::to_string(starts.size()));
     require(covariances_px.empty() || covariances_px.size() == frames.size(), "JointFitter::fit_frames",
             "covariances_px", "none, or those of each image", std::to_string(covariances_px.size()));
-    const IdentityFilter none(num_shape_coefficients());
-    detail::JointFit fit(base_, options_, none.state(), 0, kernels_);
+    detail::JointFit fit(base_, landmark_points_, options_, no_images_.state(), 0, kernels_);
     for (std::size_t f = 0; f < frames.size(); ++f) {
         fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f],
                       covariances_px.empty() ? std::span<const Eigen::Matrix2d>() : covariances_px[f]);
@@ -110,7 +108,7 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
     require(num_earlier >= 0, "JointFitter::identity_information", "num_earlier", ">= 0", std::to_string(num_earlier));
     const Eigen::Index size = num_shape_coefficients();
     const IdentityInformation nothing{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
-    detail::JointFit fit(base_, options_, nothing, num_earlier, nullptr);
+    detail::JointFit fit(base_, landmark_points_, options_, nothing, num_earlier, nullptr);
     fit.add_image(landmarks, at.fit.camera.principal_point_px, &at.fit, covariances_px);
     return fit.identity_information(at);
 }
@@ -118,8 +116,7 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
 LINEAMENT_FIT_INLINE std::vector<std::string> JointFitter::unobservable_expressions(const LandmarkSet& landmarks,
                                                                                     const FitResult& at) const
 {
-    const IdentityFilter none(num_shape_coefficients());
-    detail::JointFit fit(base_, options_, none.state(), 0, kernels_);
+    detail::JointFit fit(base_, landmark_points_, options_, no_images_.state(), 0, kernels_);
     fit.add_image(landmarks, at.camera.principal_point_px, &at, {});
     const Blendshapes* expressions = base_.expressions();
     if (expressions == nullptr || at.status == FitStatus::degenerate ||

@@ -61,7 +61,8 @@ public:
     [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
 
     /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
-    [[nodiscard]] JointImage fixed_image() const;
+    /// @param landmark_points  Those of the landmark map.
+    [[nodiscard]] JointImage fixed_image(const PackedPoints& landmark_points) const;
 
     /// Gives the points of fixed_image() their weights and has those of the outline follow, for a camera and shape;
     /// `noise` says how mm become px and what images have in common.

@@ -146,21 +146,18 @@ LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landma
     return (own + (noise.num_before + 1) * common) * own.inverse() * (own + noise.num_before * common);
 }
 
-LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image() const
+LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image(const PackedPoints& landmark_points) const
 {
     JointImage image;
-    const Eigen::Index count = static_cast<Eigen::Index>(use_.fixed.size());
-    const ModelPoints& all = base_.landmark_points();
-    const Eigen::Index room = count + static_cast<Eigen::Index>(use_.outline.size());
-    image.points = PackedPoints(room, all.num_shape_coefficients(), all.num_expression_coefficients());
-    image.points.num_points = count;
+    const Eigen::Index room = static_cast<Eigen::Index>(use_.fixed.size() + use_.outline.size());
     image.image_points.resize(2, room);
-    for (Eigen::Index i = 0; i < count; ++i) {
-        const int l = use_.fixed[static_cast<std::size_t>(i)];
-        image.points.assign(i, all, use_.map_indices[l]);
-        image.image_points.col(i) = landmarks_.landmarks[l].point_px;
+    std::vector<int> map_indices;
+    for (const int l : use_.fixed) {
+        image.image_points.col(static_cast<Eigen::Index>(map_indices.size())) = landmarks_.landmarks[l].point_px;
+        map_indices.push_back(use_.map_indices[l]);
         image.used.push_back({l, -1, 2, Eigen::Matrix2d::Identity()});
     }
+    image.points = PackedPoints(landmark_points, map_indices, room);
     return image;
 }
 

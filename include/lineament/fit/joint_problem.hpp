@@ -98,12 +98,19 @@ inline constexpr double max_scale_change = 2.0;
 /// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
 [[nodiscard]] double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha);
 
+/// Off the diagonal what adds nothing to its sum counts as 0.
+[[nodiscard]] inline bool is_identity(const Eigen::MatrixXd& matrix)
+{
+    const Eigen::Index size = matrix.rows();
+    return (matrix.diagonal().array() == 1.0).all() && matrix.cwiseAbs().sum() == static_cast<double>(size);
+}
+
 /// Energy (7) of a round, its derivatives and its moves.
 class JointProblem
 {
 public:
     JointProblem(const JointOptions& options, const IdentityInformation& prior, Eigen::Index num_expressions)
-        : options_(options), prior_(prior), is_prior_standard_(prior.matrix.isIdentity(0)),
+        : options_(options), prior_(prior), is_prior_standard_(is_identity(prior.matrix)),
           num_expressions_(num_expressions)
     {}
 

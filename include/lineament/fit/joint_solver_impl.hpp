@@ -113,7 +113,7 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
         return;
     }
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse(linear, linear) = lambda.inverse(num_linear);
+    inverse(linear, linear) = lambda.lower_inverse(num_linear).selfadjointView<Eigen::Lower>();
     const Eigen::Index num_shared =
         std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.num_shared()) -
         system.unknowns.begin();

@@ -30,6 +30,10 @@ struct ModelPoints
     [[nodiscard]] Eigen::Matrix3Xd at(const Eigen::VectorXd& shape_coefficients,
                                       const Eigen::VectorXd& expression_coefficients) const;
 
+    /// S_i of one point.
+    [[nodiscard]] Eigen::Vector3d at(Eigen::Index point, const Eigen::VectorXd& shape_coefficients,
+                                     const Eigen::VectorXd& expression_coefficients) const;
+
     /// Room for `count` points of as many coefficients, unset.
     [[nodiscard]] static ModelPoints sized(Eigen::Index count, Eigen::Index num_shape, Eigen::Index num_expression);
 
@@ -57,6 +61,15 @@ inline Eigen::Matrix3Xd ModelPoints::at(const Eigen::VectorXd& shape_coefficient
     stacked.noalias() += identity.topRows(shape_coefficients.size()).transpose() * shape_coefficients;
     stacked.noalias() += expression.topRows(expression_coefficients.size()).transpose() * expression_coefficients;
     return points;
+}
+
+inline Eigen::Vector3d ModelPoints::at(Eigen::Index point, const Eigen::VectorXd& shape_coefficients,
+                                       const Eigen::VectorXd& expression_coefficients) const
+{
+    return mean.col(point) +
+           identity.middleCols<3>(3 * point).topRows(shape_coefficients.size()).transpose() * shape_coefficients +
+           expression.middleCols<3>(3 * point).topRows(expression_coefficients.size()).transpose() *
+               expression_coefficients;
 }
 
 inline ModelPoints ModelPoints::sized(Eigen::Index count, Eigen::Index num_shape, Eigen::Index num_expression)

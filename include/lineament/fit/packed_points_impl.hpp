@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <span>
 
 namespace lineament::detail {
 
@@ -37,6 +38,18 @@ public:
           width_(kernels::round_up(static_cast<int>(num_coefficients), kernels::double_step)),
           rows_(static_cast<std::size_t>(3 * num_points * width_))
     {}
+
+    /// Those of some points of `other`, and room, zeroed, for more.
+    PackedRows(const PackedRows& other, std::span<const int> points, Eigen::Index num_points)
+        : num_coefficients_(other.num_coefficients_), width_(other.width_),
+          rows_(static_cast<std::size_t>(3 * num_points * width_), kernels::unset)
+    {
+        double* to = rows_.data();
+        for (const int point : points) {
+            to = std::copy_n(other.rows_.data() + 3 * point * width_, 3 * width_, to);
+        }
+        std::fill(to, rows_.data() + rows_.size(), 0.0);
+    }
 
     [[nodiscard]] int width() const { return width_; }
     [[nodiscard]] const double* data() const { return rows_.data(); }
@@ -87,9 +100,25 @@ private:
 struct PackedPoints
 {
     PackedPoints() = default;
-    PackedPoints(Eigen::Index room, Eigen::Index num_shape, Eigen::Index num_expressions)
-        : mean(3, room), identity(room, num_shape), expression(room, num_expressions)
-    {}
+    explicit PackedPoints(const ModelPoints& points)
+        : num_points(points.num_points()), mean(points.mean), identity(num_points, points.num_shape_coefficients()),
+          expression(num_points, points.num_expression_coefficients())
+    {
+        for (Eigen::Index i = 0; i < num_points; ++i) {
+            identity.of_point(i) = points.identity.middleCols<3>(3 * i);
+            expression.of_point(i) = points.expression.middleCols<3>(3 * i);
+        }
+    }
+
+    /// Some points of `other`, and room for more.
+    PackedPoints(const PackedPoints& other, std::span<const int> points, Eigen::Index room)
+        : num_points(static_cast<Eigen::Index>(points.size())), mean(3, room), identity(other.identity, points, room),
+          expression(other.expression, points, room)
+    {
+        for (Eigen::Index i = 0; i < num_points; ++i) {
+            mean.col(i) = other.mean.col(points[static_cast<std::size_t>(i)]);
+        }
+    }
 
     Eigen::Index num_points = 0; ///< The leading ones.
     Eigen::Matrix3Xd mean = {};
@@ -106,14 +135,6 @@ struct PackedPoints
         expression.multiply(kernels, num_points, psi, padded, products);
         points += mean.leftCols(num_points) + products;
         return points;
-    }
-
-    /// Sets point `to` to point `from` of `other`, which has the same numbers of coefficients.
-    void assign(Eigen::Index to, const ModelPoints& other, Eigen::Index from)
-    {
-        mean.col(to) = other.mean.col(from);
-        identity.of_point(to) = other.identity.middleCols<3>(3 * from);
-        expression.of_point(to) = other.expression.middleCols<3>(3 * from);
     }
 };
 

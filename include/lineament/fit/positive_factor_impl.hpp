@@ -90,26 +90,20 @@ public:
         return root;
     }
 
-    /// R^T R of that R.
-    [[nodiscard]] Eigen::MatrixXd inverse(Eigen::Index n)
+    /// R^T R of that R, lower triangle.
+    [[nodiscard]] Eigen::MatrixXd lower_inverse(Eigen::Index n)
     {
         const Root root = inverse_root(n);
-        Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, n);
         if (kernels_ == nullptr) {
+            Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, n);
             inverse.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
-        } else {
-            const int width = padded_size(size_);
-            double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
-            std::fill_n(gram, width * width, 0.0);
-            kernels_->add_lower_gram(root.data(), static_cast<int>(n), width, gram);
-            inverse = Eigen::Map<const Eigen::MatrixXd>(gram, width, width).topLeftCorner(n, n);
+            return inverse;
         }
-        for (Eigen::Index j = 0; j < n; ++j) {
-            for (Eigen::Index i = j + 1; i < n; ++i) {
-                inverse(j, i) = inverse(i, j);
-            }
-        }
-        return inverse;
+        const int width = padded_size(size_);
+        double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
+        std::fill_n(gram, width * width, 0.0);
+        kernels_->add_lower_gram(root.data(), static_cast<int>(n), width, gram);
+        return Eigen::Map<const Eigen::MatrixXd>(gram, width, width).topLeftCorner(n, n); // its rows are the columns
     }
 
 private:

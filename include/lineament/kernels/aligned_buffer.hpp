@@ -11,7 +11,12 @@
 
 namespace lineament::kernels {
 
-/// Zeroed numbers at a multiple of 64 bytes (a cache line, the widest vector).
+/// For a buffer whose numbers are written before they are read.
+struct Unset
+{};
+inline constexpr Unset unset = {};
+
+/// Numbers, zeroed unless that is left out, at a multiple of 64 bytes (a cache line, the widest vector).
 template <typename T>
 class AlignedBuffer
 {
@@ -19,13 +24,12 @@ class AlignedBuffer
 
 public:
     AlignedBuffer() = default;
-    explicit AlignedBuffer(std::size_t size)
+    explicit AlignedBuffer(std::size_t size) : AlignedBuffer(size, unset) { std::fill_n(data_.get(), size, T{}); }
+    AlignedBuffer(std::size_t size, Unset)
         : data_(static_cast<T*>(::operator new(std::max<std::size_t>(size, 1) * sizeof(T), std::align_val_t(64)))),
           size_(size)
-    {
-        std::fill_n(data_.get(), size, T{});
-    }
-    AlignedBuffer(const AlignedBuffer& other) : AlignedBuffer(other.size_)
+    {}
+    AlignedBuffer(const AlignedBuffer& other) : AlignedBuffer(other.size_, unset)
     {
         std::copy_n(other.data(), other.size_, data());
     }
