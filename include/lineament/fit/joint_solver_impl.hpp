@@ -30,51 +30,51 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
 }
 
 /// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
-/// again.
+/// again. With H x = b and C the columns of H^-1 that belong to the held ones K, the rest's solution is
+/// x - C C_KK^-1 (x_K - bounds).
 /// @param factor  Of the system's matrix with this damping.
-[[nodiscard]] inline Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor, double damping,
-                                                  const Eigen::VectorXd& down, const Eigen::VectorXd& up,
-                                                  const kernels::Kernels* kernels)
+[[nodiscard]] inline Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor,
+                                                  const Eigen::VectorXd& down, const Eigen::VectorXd& up)
 {
     Eigen::VectorXd step = Eigen::VectorXd::Zero(system.gradient.size());
-    if (system.unknowns.empty()) {
+    const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
+    if (size == 0) {
         return step;
     }
-    const Eigen::VectorXd right_side = -system.gradient(system.unknowns);
-    Eigen::VectorXd solved = factor.solve(right_side);
-    bool is_inside = true;
-    for (std::size_t i = 0; i < system.unknowns.size(); ++i) {
-        const int unknown = system.unknowns[i];
-        step[unknown] = solved[static_cast<Eigen::Index>(i)];
-        is_inside = is_inside && step[unknown] >= down[unknown] && step[unknown] <= up[unknown];
-    }
-    if (is_inside) {
-        return step;
-    }
-    Eigen::VectorXd held = Eigen::VectorXd::Zero(right_side.size()); // steps of what is held
-    std::vector<int> free(system.unknowns.size());                   // positions among the unknowns
-    std::iota(free.begin(), free.end(), 0);
+    const Eigen::VectorXd free = factor.solve(-system.gradient(system.unknowns)); // of bounds
+    Eigen::VectorXd solved = free;
+    std::vector<bool> is_held(system.unknowns.size(), false);
+    std::vector<Eigen::Index> held; // K, positions among the unknowns
+    std::vector<double> bounds;
+    std::vector<Eigen::VectorXd> columns; // C
     while (true) {
-        std::vector<int> inside;
-        for (std::size_t i = 0; i < free.size(); ++i) {
-            const int unknown = system.unknowns[free[i]];
-            const double goal = solved[static_cast<Eigen::Index>(i)];
-            if (goal >= down[unknown] && goal <= up[unknown]) {
-                inside.push_back(free[i]);
-                step[unknown] = goal;
-            } else {
-                step[unknown] = held[free[i]] = goal < down[unknown] ? down[unknown] : up[unknown];
+        const std::size_t num_before = held.size();
+        for (Eigen::Index i = 0; i < size; ++i) {
+            const int unknown = system.unknowns[static_cast<std::size_t>(i)];
+            if (!is_held[static_cast<std::size_t>(i)] && !(solved[i] >= down[unknown] && solved[i] <= up[unknown])) {
+                is_held[static_cast<std::size_t>(i)] = true;
+                held.push_back(i);
+                bounds.push_back(solved[i] < down[unknown] ? down[unknown] : up[unknown]);
+                columns.push_back(factor.solve(Eigen::VectorXd::Unit(size, i)));
             }
         }
-        if (inside.size() == free.size() || inside.empty()) {
-            return step;
+        if (held.size() == num_before) {
+            break;
         }
-        free = std::move(inside);
-        PositiveFactor of_rest(kernels);
-        of_rest.factor(block_of(system.hessian, free), damping);
-        const Eigen::VectorXd rest = right_side - system.hessian.selfadjointView<Eigen::Lower>() * held;
-        solved = of_rest.solve(rest(free));
+        const Eigen::Map<const Eigen::VectorXd> goals(bounds.data(), static_cast<Eigen::Index>(bounds.size()));
+        Eigen::MatrixXd of_held(held.size(), held.size()); // C_KK
+        for (std::size_t k = 0; k < held.size(); ++k) {
+            of_held.col(static_cast<Eigen::Index>(k)) = columns[k](held);
+        }
+        const Eigen::VectorXd pulls = of_held.llt().solve(free(held) - goals);
+        solved = free;
+        for (std::size_t k = 0; k < held.size(); ++k) {
+            solved -= pulls[static_cast<Eigen::Index>(k)] * columns[k];
+        }
+        solved(held) = goals;
     }
+    step(system.unknowns) = solved;
+    return step;
 }
 
 inline void set_scale_strength(JointProblem& problem, std::size_t image, double strength, JointSystem& system)
@@ -179,7 +179,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
         }
         problem.room(state, down, up);
         while (true) {
-            const Eigen::VectorXd step = bounded_step(system, factor, damping, down, up, problem.kernels);
+            const Eigen::VectorXd step = bounded_step(system, factor, down, up);
             JointState next = problem.moved(state, system, step, damping);
             problem.place(next, next_placed);
             const double next_energy = problem.energy(next, next_placed);
