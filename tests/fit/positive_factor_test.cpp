@@ -10,6 +10,7 @@
 
 #include <Eigen/LU>
 
+#include <algorithm>
 #include <vector>
 
 namespace lineament {
@@ -17,47 +18,86 @@ namespace {
 
 using test::IsNear;
 
-Eigen::MatrixXd mirrored(const Eigen::MatrixXd& lower)
-{
-    return lower.selfadjointView<Eigen::Lower>();
-}
-
 TEST(PositiveFactor, SolvesAndInvertsWhateverItHeldBefore)
 {
     std::vector<const kernels::Kernels*> sets = kernels::supported_kernels();
     sets.push_back(nullptr);
     for (const kernels::Kernels* set : sets) {
         SCOPED_TRACE(set != nullptr ? set->name : "Eigen");
+        const double rounding = set != nullptr ? 1e-4 : 1e-9; // of steps, in single precision
         Random random(821);
         detail::PositiveFactor factor(set);
         for (const Eigen::Index n : {5, 40, 1, 13, 24}) { // smaller and larger ones
             const Eigen::MatrixXd rows = test::random_normal(random, 2 * n * n).reshaped(2 * n, n);
             const Eigen::MatrixXd matrix = rows.transpose() * rows + Eigen::MatrixXd::Identity(n, n);
-            const Eigen::VectorXd b = test::random_normal(random, n);
+            const Eigen::MatrixXd b = test::random_normal(random, 11 * n).reshaped(n, 11);
             const Eigen::MatrixXd inverse = matrix.inverse();
             factor.factor(matrix);
-            EXPECT_THAT(factor.solve(b), IsNear(Eigen::VectorXd(inverse * b), 1e-9));
-            const Eigen::Index leading = (n + 1) / 2;
-            EXPECT_THAT(mirrored(factor.lower_inverse(leading)),
-                        IsNear(Eigen::MatrixXd(matrix.topLeftCorner(leading, leading).inverse()), 1e-9));
-            EXPECT_THAT(factor.solve(b), IsNear(Eigen::VectorXd(inverse * b), 1e-9)); // by the root now
-            EXPECT_THAT(mirrored(factor.lower_inverse(n)), IsNear(inverse, 1e-9));
+            EXPECT_THAT(factor.solve(b), IsNear(Eigen::MatrixXd(inverse * b), rounding));
+            EXPECT_THAT(factor.solve(b.leftCols(1)), IsNear(Eigen::MatrixXd(inverse * b.leftCols(1)), rounding));
+            const Eigen::Index leading = (n + 1) / 2, count = (n + 2) / 3;
+            const Eigen::MatrixXd of_leading = matrix.topLeftCorner(leading, leading).inverse();
+            EXPECT_THAT(factor.inverse(leading), IsNear(of_leading, rounding));
+            EXPECT_THAT(factor.inverse(n), IsNear(inverse, rounding));
+            EXPECT_NEAR(factor.inverse_trace(leading, count, {}), of_leading.topLeftCorner(count, count).trace(),
+                        rounding);
+            const Eigen::MatrixXd weights = matrix.topLeftCorner(count, count);
+            EXPECT_NEAR(factor.inverse_trace(leading, count, weights),
+                        (weights * of_leading.topLeftCorner(count, count)).trace(), 10 * rounding);
 
-            factor.factor(matrix, 0.5); // nothing of the root stays
+            factor.factor(matrix, 0.5); // nothing of the other stays
             Eigen::MatrixXd damped = matrix;
             damped.diagonal() *= 1.5;
-            EXPECT_THAT(factor.solve(b), IsNear(Eigen::VectorXd(damped.inverse() * b), 1e-9));
-
-            const Eigen::MatrixXd columns = test::random_normal(random, 3 * n).reshaped(n, 3);
-            const Eigen::MatrixXd half = factor.factor_and_half_solve(matrix, columns);
-            EXPECT_THAT(Eigen::MatrixXd(half.transpose() * half),
-                        IsNear(Eigen::MatrixXd(columns.transpose() * inverse * columns), 1e-9));
+            EXPECT_THAT(factor.solve(b), IsNear(Eigen::MatrixXd(damped.inverse() * b), rounding));
         }
         Eigen::MatrixXd indefinite = Eigen::MatrixXd::Identity(6, 6);
         indefinite(3, 3) = -1;
         factor.factor(indefinite);
-        EXPECT_TRUE(factor.solve(Eigen::VectorXd::Ones(6)).hasNaN());
-        EXPECT_TRUE(factor.lower_inverse(6).hasNaN());
+        EXPECT_TRUE(factor.solve(Eigen::MatrixXd::Ones(6, 1)).hasNaN());
+        EXPECT_TRUE(factor.inverse(6).hasNaN());
+    }
+}
+
+TEST(PositiveFactor, FactorsABlockInDoublePrecision)
+{
+    std::vector<const kernels::Kernels*> sets = kernels::supported_kernels();
+    sets.push_back(nullptr);
+    for (const kernels::Kernels* set : sets) {
+        SCOPED_TRACE(set != nullptr ? set->name : "Eigen");
+        Random random(822);
+        detail::PositiveFactor factor(set);
+        const Eigen::Index n = 30;
+        const Eigen::MatrixXd rows = test::random_normal(random, 2 * n * n).reshaped(2 * n, n);
+        const Eigen::MatrixXd matrix = rows.transpose() * rows + Eigen::MatrixXd::Identity(n, n);
+        for (const std::vector<int>& others :
+             {std::vector<int>{}, {7}, {0, 3, 4, 29}, {20, 21, 22, 23, 24, 25, 26, 27, 28}}) {
+            std::vector<int> block;
+            for (int i = 0; i < static_cast<int>(n); ++i) {
+                if (std::find(others.begin(), others.end(), i) == others.end()) {
+                    block.push_back(i);
+                }
+            }
+            const Eigen::MatrixXd lower = matrix.triangularView<Eigen::Lower>(); // nothing above is read
+            const Eigen::VectorXd explained = factor.factor_block(lower, block, others);
+            const Eigen::MatrixXd inverse = Eigen::MatrixXd(matrix(block, block)).inverse();
+            const Eigen::MatrixXd cross = matrix(block, others);
+            EXPECT_THAT(explained, IsNear(Eigen::VectorXd((cross.transpose() * inverse * cross).diagonal()), 1e-9));
+            EXPECT_THAT(factor.inverse(static_cast<Eigen::Index>(block.size())), IsNear(inverse, 1e-9));
+            const Eigen::MatrixXd b = test::random_normal(random, inverse.rows());
+            EXPECT_THAT(factor.solve(b), IsNear(Eigen::MatrixXd(inverse * b), 1e-9));
+        }
+    }
+}
+
+TEST(PositiveFactor, WhatIsNotPositiveDefiniteToSinglePrecisionIsSolvedInDouble)
+{
+    Eigen::MatrixXd matrix = Eigen::MatrixXd::Constant(4, 4, 1e9);
+    matrix.diagonal().array() += 1.0;
+    const Eigen::MatrixXd b = Eigen::Vector4d(1, 2, -3, 5);
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        detail::PositiveFactor factor(set);
+        factor.factor(matrix);
+        EXPECT_THAT(Eigen::MatrixXd(matrix * factor.solve(b)), IsNear(b, 1e-5)) << set->name;
     }
 }
 

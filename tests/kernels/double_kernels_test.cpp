@@ -9,6 +9,7 @@
 #include "support/matchers.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 
 #include <cmath>
 #include <cstdint>
@@ -30,9 +31,21 @@ AlignedBuffer<double> random_doubles(Random& random, std::size_t size)
     return values;
 }
 
-Eigen::MatrixXd matrix_of(const AlignedBuffer<double>& values, Eigen::Index rows, Eigen::Index columns)
+AlignedBuffer<float> random_floats(Random& random, std::size_t size)
 {
-    return Eigen::Map<const RowMajor>(values.data(), rows, columns);
+    AlignedBuffer<float> values(size);
+    for (std::size_t i = 0; i < size; ++i) {
+        values[i] = static_cast<float>(random.normal());
+    }
+    return values;
+}
+
+template <typename T>
+Eigen::MatrixXd matrix_of(const AlignedBuffer<T>& values, Eigen::Index rows, Eigen::Index columns)
+{
+    return Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(values.data(), rows,
+                                                                                               columns)
+        .template cast<double>();
 }
 
 class DoubleKernelsTest : public ::testing::TestWithParam<const Kernels*>
@@ -49,14 +62,14 @@ TEST_P(DoubleKernelsTest, MultipliesRowsAndTheirTranspose)
 {
     for (const int width : {8, 40, 72}) {
         for (const int num_rows : {0, 1, 7, 24}) {
-            const AlignedBuffer<double> rows = random_doubles(random, static_cast<std::size_t>(num_rows) * width);
+            const AlignedBuffer<float> rows = random_floats(random, static_cast<std::size_t>(num_rows) * width);
             const AlignedBuffer<double> x = random_doubles(random, width);
             const AlignedBuffer<double> factors = random_doubles(random, num_rows);
             AlignedBuffer<double> product(num_rows);
             AlignedBuffer<double> sums = random_doubles(random, width);
             const Eigen::MatrixXd before = matrix_of(sums, width, 1);
-            kernels.multiply_double_rows(rows.data(), num_rows, width, x.data(), product.data());
-            kernels.add_double_rows(rows.data(), num_rows, width, factors.data(), sums.data());
+            kernels.multiply_wide(rows.data(), num_rows, width, x.data(), product.data());
+            kernels.add_wide(rows.data(), num_rows, width, factors.data(), sums.data());
             const Eigen::MatrixXd matrix = matrix_of(rows, num_rows, width);
             EXPECT_THAT(matrix_of(product, num_rows, 1), IsNear(matrix * matrix_of(x, width, 1), 1e-13));
             EXPECT_THAT(matrix_of(sums, width, 1),
@@ -68,7 +81,7 @@ TEST_P(DoubleKernelsTest, MultipliesRowsAndTheirTranspose)
 TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
 {
     const int width = 24, out_width = 32, num_points = 5;
-    const AlignedBuffer<double> rows = random_doubles(random, 3 * num_points * width);
+    const AlignedBuffer<float> rows = random_floats(random, 3 * num_points * width);
     const AlignedBuffer<double> jacobians = random_doubles(random, 6 * num_points);
     AlignedBuffer<float> out(2 * num_points * out_width);
     kernels.project_points(rows.data(), width, num_points, jacobians.data(), out.data(), out_width);
@@ -108,23 +121,26 @@ TEST_P(DoubleKernelsTest, FactorsAndSolves)
         const Eigen::MatrixXd rows = matrix_of(random_doubles(random, 2 * n * n), 2 * n, n);
         const Eigen::MatrixXd a = rows.transpose() * rows + Eigen::MatrixXd::Identity(n, n);
         const Eigen::MatrixXd more = matrix_of(random_doubles(random, n * num_more), n, num_more);
-        const Eigen::VectorXd expected = matrix_of(random_doubles(random, n), n, 1);
+        const Eigen::MatrixXd expected = matrix_of(random_doubles(random, n * num_right_sides), n, num_right_sides);
         AlignedBuffer<double> system(n * width);
         Eigen::Map<RowMajor> in_place(system.data(), n, width);
         in_place.leftCols(n) = a.triangularView<Eigen::Upper>();
         in_place.triangularView<Eigen::StrictlyLower>().setConstant(std::numeric_limits<double>::quiet_NaN());
         in_place.middleCols(n, num_more) = more;
-        AlignedBuffer<double> x(round_up(n, double_step));
-        Eigen::Map<Eigen::VectorXd>(x.data(), n) = a * expected;
-        const double pivot = kernels.factor_positive(system.data(), n, width);
-        kernels.solve_factored(system.data(), n, width, x.data());
+        AlignedBuffer<double> x(n * num_right_sides);
+        Eigen::Map<RowMajor>(x.data(), n, num_right_sides) = a * expected;
+        AlignedBuffer<double> inverse_diagonal(n);
+        const double pivot = kernels.factor_positive(system.data(), n, width, inverse_diagonal.data());
+        kernels.solve_factored(system.data(), n, width, inverse_diagonal.data(), x.data());
 
         const Eigen::MatrixXd u = Eigen::MatrixXd(in_place.leftCols(n).triangularView<Eigen::Upper>());
         const Eigen::LLT<Eigen::MatrixXd> cholesky(a);
         EXPECT_THAT(u, IsNear(Eigen::MatrixXd(cholesky.matrixU()), 1e-12 * n)) << n;
+        EXPECT_THAT(Eigen::VectorXd(Eigen::Map<Eigen::VectorXd>(inverse_diagonal.data(), n)),
+                    IsNear(Eigen::VectorXd(u.diagonal().cwiseInverse()), 1e-12));
         EXPECT_THAT(Eigen::MatrixXd(in_place.middleCols(n, num_more)),
                     IsNear(Eigen::MatrixXd(cholesky.matrixL().solve(more)), 1e-12 * n));
-        EXPECT_THAT(Eigen::VectorXd(Eigen::Map<Eigen::VectorXd>(x.data(), n)), IsNear(expected, 1e-10)) << n;
+        EXPECT_THAT(matrix_of(x, n, num_right_sides), IsNear(expected, 1e-10)) << n;
         for (const int leading : {n, (n + 1) / 2}) {
             const int inverse_width = round_up(leading, double_step);
             AlignedBuffer<double> inverse = random_doubles(random, static_cast<std::size_t>(leading) * inverse_width);
@@ -136,6 +152,117 @@ TEST_P(DoubleKernelsTest, FactorsAndSolves)
             EXPECT_EQ(Eigen::MatrixXd(all.triangularView<Eigen::StrictlyUpper>()).norm(), 0);
         }
         EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-12);
+    }
+}
+
+/// What camera_residuals and the test's differences share.
+struct SeenProblem
+{
+    PerspectiveCamera camera = {};
+    Eigen::Matrix3Xd points = {}, offsets = {};
+    Eigen::Matrix2Xd landmarks = {};
+    Eigen::MatrixX3d roots = {};
+
+    SeenProblem(Random& random, int count) : points(3, count), offsets(3, count), landmarks(2, count), roots(count, 3)
+    {
+        const Eigen::Matrix3d turn =
+            Eigen::Quaterniond(random.normal(), random.normal(), random.normal(), random.normal())
+                .normalized()
+                .toRotationMatrix();
+        Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(camera.turn) = turn;
+        camera.translation[0] = 3;
+        camera.translation[1] = -2;
+        camera.scale = 1.3;
+        camera.phi = 2e-3;
+        camera.centre[0] = 320;
+        camera.centre[1] = 240;
+        for (int i = 0; i < count; ++i) {
+            for (int axis = 0; axis < 3; ++axis) {
+                points(axis, i) = 50 * random.normal();
+                offsets(axis, i) = random.normal();
+                roots(i, axis) = 1 + 0.1 * random.normal();
+            }
+            landmarks.col(i) << 320 + 60 * random.normal(), 240 + 60 * random.normal();
+        }
+    }
+
+    [[nodiscard]] Eigen::Matrix3d turn() const
+    {
+        return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(camera.turn);
+    }
+
+    /// As kernels.hpp has it.
+    [[nodiscard]] Eigen::Vector2d residual(const PerspectiveCamera& by, const Eigen::Matrix3d& by_turn,
+                                           const Eigen::Vector3d& point, int i) const
+    {
+        const Eigen::Vector3d p = by_turn * point;
+        const Eigen::Vector2d seen =
+            Eigen::Vector2d(by.centre[0], by.centre[1]) +
+            by.scale / (1 + by.phi * p.z()) * (p.head<2>() + Eigen::Vector2d(by.translation[0], by.translation[1]));
+        Eigen::Matrix2d root;
+        root << roots(i, 0), roots(i, 1), 0, roots(i, 2);
+        return root * (seen - landmarks.col(i));
+    }
+};
+
+TEST_P(DoubleKernelsTest, SeesWeightedResiduals)
+{
+    for (const int count : {0, 1, 2, 7, 8, 13, 68}) {
+        const SeenProblem problem(random, count);
+        AlignedBuffer<double> residuals(2 * count + 1);
+        residuals[2 * count] = 7;
+        kernels.camera_residuals(problem.camera, problem.points.data(), problem.landmarks.data(), problem.roots.data(),
+                                 count, residuals.data());
+        for (int i = 0; i < count; ++i) {
+            EXPECT_THAT(Eigen::Vector2d(residuals[i], residuals[count + i]),
+                        IsNear(problem.residual(problem.camera, problem.turn(), problem.points.col(i), i), 1e-11));
+        }
+        EXPECT_EQ(residuals[2 * count], 7); // and nothing beyond
+    }
+}
+
+TEST_P(DoubleKernelsTest, DerivesWeightedResiduals)
+{
+    for (const int count : {1, 7, 8, 19}) {
+        const SeenProblem problem(random, count);
+        const AlignedBuffer<double> factors = random_doubles(random, count);
+        AlignedBuffer<double> derivatives(20 * count + 1);
+        derivatives[20 * count] = 7;
+        kernels.camera_derivatives(problem.camera, problem.points.data(), problem.offsets.data(), problem.roots.data(),
+                                   factors.data(), count, derivatives.data());
+        EXPECT_EQ(derivatives[20 * count], 7);
+        for (int i = 0; i < count; ++i) {
+            // Half the difference of the residuals after a step of one unknown and after its opposite.
+            const auto at = [&](int unknown, double step) {
+                PerspectiveCamera camera = problem.camera;
+                Eigen::Matrix3d turn = problem.turn();
+                Eigen::Vector3d point = problem.points.col(i);
+                if (unknown < 3) {
+                    point[unknown] += step;
+                } else if (unknown < 6) {
+                    turn = Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(unknown - 3)).toRotationMatrix() * turn;
+                } else if (unknown == 6) { // with the scale go phi and, the other way, the offset
+                    camera.scale *= std::exp(step);
+                    camera.phi *= std::exp(step);
+                    point += (std::exp(-step) - 1) * problem.offsets.col(i);
+                } else if (unknown < 9) {
+                    camera.translation[unknown - 7] += step;
+                } else {
+                    camera.phi += step;
+                }
+                return problem.residual(camera, turn, point, i);
+            };
+            const double steps[10] = {1e-4, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4, 1e-4, 1e-7};
+            for (int unknown = 0; unknown < 10; ++unknown) {
+                const double step = steps[unknown];
+                const Eigen::Vector2d expected = factors[i] * (at(unknown, step) - at(unknown, -step)) / (2 * step);
+                const int first = unknown < 3 ? unknown : unknown < 9 ? 3 + unknown : 18;
+                const int second = unknown < 3 ? 3 + unknown : unknown < 9 ? 9 + unknown : 19;
+                EXPECT_THAT(Eigen::Vector2d(derivatives[first * count + i], derivatives[second * count + i]),
+                            IsNear(expected, 1e-6 * (1 + expected.norm())))
+                    << "unknown " << unknown;
+            }
+        }
     }
 }
 
@@ -159,20 +286,50 @@ TEST(AlignedBuffer, CopiesAndMoves)
     EXPECT_EQ(AlignedBuffer<double>(AlignedBuffer<double>()).size(), 0);
 }
 
+TEST_P(DoubleKernelsTest, FactorsAndSolvesInSinglePrecision)
+{
+    for (const int n : {1, 3, 4, 16, 33, 72}) {
+        const int width = round_up(n, width_step);
+        const Eigen::MatrixXd rows = matrix_of(random_doubles(random, 2 * n * n), 2 * n, n);
+        const Eigen::MatrixXd a = rows.transpose() * rows / n + Eigen::MatrixXd::Identity(n, n);
+        const Eigen::MatrixXd expected = matrix_of(random_floats(random, n * num_right_sides), n, num_right_sides);
+        using Floats = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+        AlignedBuffer<float> system(n * width), inverses(n), x(n * num_right_sides);
+        Eigen::Map<Floats> in_place(system.data(), n, width);
+        in_place.leftCols(n) = a.cast<float>().triangularView<Eigen::Upper>();
+        in_place.leftCols(n).triangularView<Eigen::StrictlyLower>().setConstant(
+            std::numeric_limits<float>::quiet_NaN());
+        Eigen::Map<Floats>(x.data(), n, num_right_sides) = (a * expected).cast<float>();
+        const float pivot = kernels.factor_positive_float(system.data(), n, width, inverses.data());
+        kernels.solve_factored_float(system.data(), n, width, inverses.data(), x.data());
+        const Eigen::MatrixXd u = in_place.leftCols(n).cast<double>().triangularView<Eigen::Upper>();
+        EXPECT_THAT(u, IsNear(Eigen::MatrixXd(Eigen::LLT<Eigen::MatrixXd>(a).matrixU()), 1e-5)) << n;
+        EXPECT_THAT(matrix_of(x, n, num_right_sides), IsNear(expected, 1e-4)) << n;
+        EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-5);
+        AlignedBuffer<float> inverse = random_floats(random, static_cast<std::size_t>(n) * width);
+        kernels.invert_factor_float(system.data(), n, width, inverse.data(), width);
+        EXPECT_THAT(Eigen::MatrixXd(u.transpose() * matrix_of(inverse, n, width)),
+                    IsNear(Eigen::MatrixXd(Eigen::MatrixXd::Identity(n, width)), 1e-4))
+            << n;
+    }
+}
+
 TEST_P(DoubleKernelsTest, NotPositiveDefiniteIsTold)
 {
     for (const int n : {4, 6, 11}) {
         for (int bad = 0; bad < n; ++bad) {
             const int width = round_up(n, double_step);
-            AlignedBuffer<double> system(n * width);
+            AlignedBuffer<double> system(n * width), inverse_diagonal(n);
             for (int i = 0; i < n; ++i) {
                 system[i * width + i] = i == bad ? -1 : 1;
             }
-            EXPECT_FALSE(kernels.factor_positive(system.data(), n, width) > 0) << n << " " << bad;
+            EXPECT_FALSE(kernels.factor_positive(system.data(), n, width, inverse_diagonal.data()) > 0)
+                << n << " " << bad;
             for (int i = 0; i < n; ++i) {
                 system[i * width + i] = i == bad ? std::numeric_limits<double>::quiet_NaN() : 1;
             }
-            EXPECT_FALSE(kernels.factor_positive(system.data(), n, width) > 0) << n << " " << bad;
+            EXPECT_FALSE(kernels.factor_positive(system.data(), n, width, inverse_diagonal.data()) > 0)
+                << n << " " << bad;
         }
     }
 }

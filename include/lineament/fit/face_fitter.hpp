@@ -124,7 +124,7 @@ public:
     /// @param identity    m x 3, as in ModelPoints.
     /// @param expression  k x 3.
     void point_between(int vertex, int next_vertex, double fraction, Eigen::Ref<Eigen::Vector3d> mean,
-                       Eigen::Ref<Eigen::MatrixX3d> identity, Eigen::Ref<Eigen::MatrixX3d> expression) const;
+                       Eigen::Ref<Eigen::MatrixX3f> identity, Eigen::Ref<Eigen::MatrixX3f> expression) const;
 
 private:
     MorphableModel model_;

@@ -36,6 +36,7 @@ set(definitions
     frame_fit_impl.hpp
     identity_filter_impl.hpp
     identity_impl.hpp
+    joint_certainty_impl.hpp
     joint_fit_impl.hpp
     joint_fitter_impl.hpp
     joint_hessian_impl.hpp

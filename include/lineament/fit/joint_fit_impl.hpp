@@ -6,6 +6,7 @@
 #define LINEAMENT_FIT_JOINT_FIT_IMPL_HPP
 
 #include "lineament/fit/frame_fit_impl.hpp"
+#include "lineament/fit/joint_certainty_impl.hpp"
 #include "lineament/fit/joint_image.hpp"
 #include "lineament/fit/joint_solver.hpp"
 #include "lineament/fit/joint_start_impl.hpp"
@@ -17,7 +18,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -188,10 +188,13 @@ inline void JointFit::run()
         const double reference = sum / num_images;
         state_.phi_per_mm *= reference / problem_.reference_scale; // the same focal length
         problem_.reference_scale = reference;
-        // Until the last round it is enough to come near, after the first by a step with the matrix that there is.
-        scratch_.keeps_matrix = scratch_.keeps_matrix && !is_last;
-        const int max_iterations = is_last ? options_.max_iterations : round == 0 ? 3 : 1;
-        minimize(problem_, state_, max_iterations, is_last ? options_.tolerance : 0.1, round, scratch_, progress_);
+        // Before the last round it is enough to come near, after the first by a step with the matrix that there is.
+        RoundLimits limits{round == 0 ? 2 : 1, 0.1, round == 0};
+        if (is_last) {
+            limits = {options_.max_iterations, options_.tolerance, true};
+            scratch_.keeps_matrix = false;
+        }
+        minimize(problem_, state_, limits, round, scratch_, progress_);
     }
     shown_ = state_;
     for (std::size_t f = 0; f < used_.size(); ++f) {
@@ -218,15 +221,14 @@ inline void JointFit::turn_by_depth(std::size_t f)
     JointState state{state_.alpha, 0.0, {state_.cameras[f]}, {state_.psi[f]}, {}};
     const double own_scale = seen.matched_scale / state.cameras.front().scale_px_per_mm;
     const Eigen::Matrix3Xd shape = seen.points.at(nullptr, state.alpha, own_scale * state.psi.front());
-    const Eigen::Matrix3Xd with_bias = problem_.shape_of_points(f, state_);
+    const PlacedPoints& placed = scratch_.placed[f];
     PairMoments all, with_depth;
     int num_with_depth = 0;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         const JointPoint& used = seen.used[i];
         const Eigen::Index column = static_cast<Eigen::Index>(i);
-        const double weight =
-            robust_weight(options_.loss, problem_.squared_residual(f, column, state_, with_bias), used.num_dimensions) *
-            used.root.squaredNorm() / 2;
+        const double weight = robust_weight(options_.loss, placed.squared_residual(column), used.num_dimensions) *
+                              seen.roots.row(column).squaredNorm() / 2;
         const std::optional<double> depth_px = landmarks[static_cast<std::size_t>(used.landmark_index)].depth_px;
         const Eigen::Vector3d point(seen.image_points(0, column), seen.image_points(1, column), depth_px.value_or(0.0));
         all.add(weight, shape.col(column), point);
@@ -238,81 +240,15 @@ inline void JointFit::turn_by_depth(std::size_t f)
     if (!turn_camera_by_depth(all, with_depth, num_with_depth, state.cameras.front())) {
         return;
     }
-    seen.points.mean.leftCols(shape.cols()) += with_bias - shape; // biases are held
+    seen.points.mean.leftCols(shape.cols()) += placed.points - shape; // biases are held
     for (JointPoint& used : seen.used) {
         used.bias_index = -1;
     }
     JointProgress progress;
     JointScratch scratch(nullptr);
-    minimize(alone, state, options_.max_iterations, options_.tolerance, 0, scratch, progress);
+    minimize(alone, state, {options_.max_iterations, options_.tolerance, true}, 0, scratch, progress);
     shown_.cameras[f] = state.cameras.front();
     shown_.psi[f] = state.psi.front();
-}
-
-/// How sure the unknowns are.
-struct JointCertainty
-{
-    std::vector<int> free = {};      ///< Ascending; the others are held at a bound.
-    Eigen::MatrixXd inverse = {};    ///< The covariance of those, lower triangle.
-    Eigen::VectorXd deviations = {}; ///< K, standard deviations, each as if it were free.
-
-    [[nodiscard]] bool is_finite() const { return deviations.allFinite(); }
-
-    /// Of some unknowns, ascending; rows of those held are 0.
-    [[nodiscard]] Eigen::MatrixXd covariance_of(const std::vector<int>& unknowns) const
-    {
-        const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
-        std::vector<std::pair<Eigen::Index, Eigen::Index>> positions; // there, here
-        auto next = free.begin();
-        for (Eigen::Index i = 0; i < size; ++i) {
-            next = std::lower_bound(next, free.end(), unknowns[static_cast<std::size_t>(i)]);
-            if (next != free.end() && *next == unknowns[static_cast<std::size_t>(i)]) {
-                positions.emplace_back(i, next - free.begin());
-            }
-        }
-        Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
-        for (auto column = positions.begin(); column != positions.end(); ++column) {
-            const auto [j, from] = *column;
-            for (auto row = column; row != positions.end(); ++row) { // several times as fast as an indexed view
-                covariance(row->first, j) = covariance(j, row->first) = inverse(row->second, from);
-            }
-        }
-        return covariance;
-    }
-};
-
-/// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
-/// unknown k that is held.
-/// @param system  With the matrix of all unknowns.
-/// @param factor  Kept for its room.
-[[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
-                                                 const JointSystem& system, PositiveFactor& factor)
-{
-    JointCertainty certainty;
-    std::vector<int>& free = certainty.free;
-    free = problem.free_unknowns(state, system.gradient);
-    std::vector<int> held;
-    std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
-                        std::back_inserter(held));
-    const Eigen::Index num_free = static_cast<Eigen::Index>(free.size());
-    Eigen::MatrixXd beside(num_free, held.size()); // H_Fk of each k
-    for (std::size_t k = 0; k < held.size(); ++k) {
-        for (Eigen::Index i = 0; i < num_free; ++i) {
-            beside(i, static_cast<Eigen::Index>(k)) =
-                system.hessian(std::max(free[i], held[k]), std::min(free[i], held[k]));
-        }
-    }
-    const Eigen::MatrixXd solved = factor.factor_and_half_solve(block_of(system.hessian, free), beside);
-    certainty.inverse = factor.lower_inverse(num_free);
-    certainty.deviations.resize(system.hessian.rows());
-    for (Eigen::Index i = 0; i < num_free; ++i) {
-        certainty.deviations[free[i]] = std::sqrt(certainty.inverse(i, i));
-    }
-    for (std::size_t k = 0; k < held.size(); ++k) {
-        const double explained = solved.col(static_cast<Eigen::Index>(k)).squaredNorm();
-        certainty.deviations[held[k]] = 1 / std::sqrt(system.hessian(held[k], held[k]) - explained);
-    }
-    return certainty;
 }
 
 inline FitResult JointFit::unfitted_result(const Image& image) const
@@ -356,14 +292,13 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result) const
                 base_.landmark_points().at(map_indices[l], result.shape_coefficients, result.expression_coefficients));
         }
     }
-    const Eigen::Matrix3Xd& with_bias = scratch_.placed[f].points;
     const Eigen::Matrix3Xd shape = seen.points.at(problem_.kernels, state_.alpha, shown_.psi[f]);
     double sum = 0;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         const JointPoint& used = seen.used[i];
         const Eigen::Index column = static_cast<Eigen::Index>(i);
         FittedLandmark& landmark = result.landmarks[static_cast<std::size_t>(used.landmark_index)];
-        const double squared = problem_.squared_residual(f, column, state_, with_bias);
+        const double squared = scratch_.placed[f].squared_residual(column);
         landmark.fitted_px = result.camera.project(Eigen::Vector3d(shape.col(column)));
         landmark.weight = image.landmarks->landmarks[static_cast<std::size_t>(used.landmark_index)].confidence *
                           robust_weight(options_.loss, squared, used.num_dimensions) /
@@ -373,7 +308,7 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result) const
     }
     result.rms_px = std::sqrt(sum / static_cast<double>(seen.used.size()));
     result.chi_square +=
-        prior_squares(prior_, state_.alpha) + (state_.psi[f] / options_.expression_sigma).squaredNorm();
+        problem_.prior_squares(state_.alpha) + (state_.psi[f] / options_.expression_sigma).squaredNorm();
     result.degrees_of_freedom = 2 * static_cast<int>(seen.used.size()) - 6;
 }
 
@@ -436,11 +371,10 @@ inline void JointFit::withhold_unless_finite(JointFramesResult& result) const
     for (const std::size_t f : used_) {
         const JointFitResult& frame = result.frames[f];
         const Camera& camera = frame.fit.camera;
-        is_finite = is_finite && std::isfinite(frame.covariance.cwiseAbs().sum()) &&
-                    frame.expression_deviations.allFinite() && camera.camera_from_model.allFinite() &&
-                    camera.translation_mm.allFinite() && std::isfinite(camera.scale_px_per_mm) &&
-                    std::isfinite(frame.fit.rms_px) && std::isfinite(frame.fit.chi_square) &&
-                    frame.fit.expression_coefficients.allFinite();
+        is_finite = is_finite && frame.covariance.diagonal().allFinite() && frame.expression_deviations.allFinite() &&
+                    camera.camera_from_model.allFinite() && camera.translation_mm.allFinite() &&
+                    std::isfinite(camera.scale_px_per_mm) && std::isfinite(frame.fit.rms_px) &&
+                    std::isfinite(frame.fit.chi_square) && frame.fit.expression_coefficients.allFinite();
     }
     if (is_finite) {
         return;
@@ -499,7 +433,7 @@ inline JointFramesResult JointFit::result()
     if (state_.bias.size() > 0) {
         result.landmark_bias_mm = state_.bias;
     }
-    linearize();
+    problem_.linearize(state_, scratch_.placed, scratch_.system);
     JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
     if (problem_.kernels != nullptr && !certainty.is_finite()) {
         // The matrix is not positive definite to single precision.
@@ -529,7 +463,6 @@ inline JointFramesResult JointFit::result()
         frame.scale_strength = problem_.images[f].scale_strength;
         frame.energies = progress_.energies;
     }
-    result.shape_covariance = result.frames[used_[0]].covariance.topLeftCorner(num_shape, num_shape);
     judge(result);
     withhold_unless_finite(result);
     return result;

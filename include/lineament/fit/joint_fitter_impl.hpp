@@ -96,7 +96,14 @@ LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
                       covariances_px.empty() ? std::span<const Eigen::Matrix2d>() : covariances_px[f]);
     }
     fit.run();
-    return fit.result();
+    JointFramesResult result = fit.result();
+    for (const JointFitResult& frame : result.frames) { // the same in all that have one
+        if (frame.covariance.size() > 0 && result.shape_covariance.size() == 0) {
+            result.shape_covariance =
+                frame.covariance.topLeftCorner(num_shape_coefficients(), num_shape_coefficients());
+        }
+    }
+    return result;
 }
 
 LINEAMENT_FIT_INLINE IdentityInformation

@@ -34,9 +34,9 @@ LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, J
         for (std::size_t i = 0; i < images[f].used.size(); ++i) {
             const Eigen::Index b = images[f].used[i].bias_index;
             if (b >= 0) {
-                const PointTerm& term = system.terms[f][i];
-                const Eigen::Matrix<double, 2, 3> by_bias = own_scale(f, state) * term.by_point;
-                set_rows_of_point(f, static_cast<Eigen::Index>(i), term, own_scale(f, state), rows);
+                const Eigen::Index point = static_cast<Eigen::Index>(i);
+                const Eigen::Matrix<double, 2, 3> by_bias = own_scale(f, state) * system.terms[f].by_point(point);
+                set_rows_of_point(f, point, system.terms[f], own_scale(f, state), rows);
                 coupling.middleCols<3>(3 * b).noalias() += rows * by_bias;
                 system.bias_blocks.middleCols<3>(3 * b).noalias() += by_bias.transpose() * by_bias;
             }
@@ -73,18 +73,18 @@ LINEAMENT_FIT_INLINE std::vector<int> JointProblem::unknowns_of_image(std::size_
 LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
                                                  JointSystem& system, Eigen::MatrixXd& gram) const
 {
-    const std::vector<PointTerm>& terms = system.terms[image];
+    const PointTerms& terms = system.terms[image];
+    const Eigen::Index num_points = terms.residuals.rows();
     const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
     gram.resize(size, size);
     if (kernels != nullptr) {
         set_gram_by_kernels(image, own_scale, unknowns, system, gram);
         return;
     }
-    Eigen::MatrixXd rows(size, 2 * static_cast<Eigen::Index>(terms.size()));
+    Eigen::MatrixXd rows(size, 2 * num_points);
     Eigen::MatrixX2d of_point;
-    for (std::size_t i = 0; i < terms.size(); ++i) {
-        const Eigen::Index point = static_cast<Eigen::Index>(i);
-        set_rows_of_point(image, point, terms[i], own_scale, of_point);
+    for (Eigen::Index point = 0; point < num_points; ++point) {
+        set_rows_of_point(image, point, terms, own_scale, of_point);
         rows.middleCols<2>(2 * point) = of_point(unknowns, Eigen::all);
     }
     gram.setZero();
@@ -97,63 +97,61 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
                                                             const std::vector<int>& unknowns, JointSystem& system,
                                                             Eigen::MatrixXd& gram) const
 {
-    const std::vector<PointTerm>& terms = system.terms[image];
+    const PointTerms& terms = system.terms[image];
     const PackedPoints& points = images[image].points;
-    const int num_rows = 2 * static_cast<int>(terms.size());
+    const int num_points = static_cast<int>(terms.residuals.rows()), num_rows = 2 * num_points;
     const int shape_width = points.identity.width(), expression_width = points.expression.width();
-    constexpr int camera_width = kernels::double_step; // the six of the camera and phi
-    const int width = kernels::round_up(shape_width + expression_width + camera_width, kernels::width_step);
+    const int size = static_cast<int>(unknowns.size()), shape_size = static_cast<int>(num_shape());
+
+    // Columns are [all of alpha, filled up | the other unknowns, filled up].
+    const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), shape_size);
+    const auto own = std::lower_bound(others, unknowns.end(), static_cast<int>(num_shared()));
+    const int camera_begin = static_cast<int>(num_shared() + num_expressions_);
+    const auto camera = std::lower_bound(own, unknowns.end(), camera_begin);
+    const int num_alpha = static_cast<int>(others - unknowns.begin());
+    const int width = kernels::round_up(shape_width + size - num_alpha, kernels::width_step);
     float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width);
-
-    // [alpha | psi | camera, phi], each filled up.
+    float* by_psi = room_for(system.expression_rows, static_cast<Eigen::Index>(num_rows) * expression_width);
     double* jacobians = room_for(system.factors, 3 * num_rows);
-    float* camera = rows + shape_width + expression_width;
-    for (std::size_t i = 0; i < terms.size(); ++i) {
-        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(jacobians + 6 * i) = terms[i].by_point;
-        for (int axis = 0; axis < 2; ++axis, camera += width) {
-            for (int c = 0; c < 6; ++c) {
-                camera[c] = static_cast<float>(terms[i].by_camera(axis, c));
-            }
-            camera[6] = static_cast<float>(terms[i].by_phi[axis]);
+    Eigen::Map<Eigen::MatrixXd> by_point(jacobians, 6, num_points);
+    by_point = terms.derivatives.leftCols<6>().transpose();
+    kernels->project_points(points.identity.data(), shape_width, num_points, jacobians, rows, width);
+    by_point *= own_scale;
+    kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, by_psi,
+                            expression_width);
+    for (int r = 0; r < num_rows; ++r) {
+        const auto derivative = [&, i = r / 2](int column) { return static_cast<float>(terms.derivatives(i, column)); };
+        float* to = rows + r * width + shape_width;
+        if (others != own) {
+            *to++ = derivative(18 + r % 2); // phi
+        }
+        for (auto unknown = own; unknown != camera; ++unknown) {
+            *to++ = by_psi[r * expression_width + *unknown - static_cast<int>(num_shared())];
+        }
+        for (auto unknown = camera; unknown != unknowns.end(); ++unknown) {
+            *to++ = derivative(6 + 6 * (r % 2) + *unknown - camera_begin);
+        }
+        while (to != rows + (r + 1) * width) {
+            *to++ = 0;
         }
     }
-    kernels->project_points(points.identity.data(), shape_width, num_rows / 2, jacobians, rows, width);
-    Eigen::Map<Eigen::VectorXd>(jacobians, 3 * num_rows) *= own_scale;
-    kernels->project_points(points.expression.data(), expression_width, num_rows / 2, jacobians, rows + shape_width,
-                            width);
+    float* sums = room_for(system.gram, static_cast<Eigen::Index>(width) * width);
+    std::fill_n(sums, width * width, 0.0f);
+    kernels->add_gram(rows, num_rows, width, sums);
 
-    // Of each row what is asked for, moved together.
-    const int shape_size = static_cast<int>(num_shape()), shared = static_cast<int>(num_shared());
-    const int camera_begin = shared + static_cast<int>(num_expressions_);
-    const int size = static_cast<int>(unknowns.size());
-    int num_first = 0; // those that stay where they are
-    std::vector<int>& columns = system.columns;
-    columns.clear();
-    for (const int unknown : unknowns) {
-        columns.push_back(unknown < shape_size     ? unknown
-                          : unknown < shared       ? shape_width + expression_width + 6
-                          : unknown < camera_begin ? shape_width + unknown - shared
-                                                   : shape_width + expression_width + unknown - camera_begin);
-        num_first += columns.back() == num_first && static_cast<int>(columns.size()) == num_first + 1;
-    }
-    const int gram_width = kernels::round_up(size, kernels::width_step);
-    const float* from = rows;
-    float* to = rows;
-    float* moved = room_for(system.moved, size);
-    for (int r = 0; r < num_rows; ++r, from += width, to += gram_width) {
-        for (int c = num_first; c < size; ++c) {
-            moved[c] = from[columns[static_cast<std::size_t>(c)]];
+    // The upper triangle's rows are the lower one's columns.
+    for (int j = 0; j < size; ++j) {
+        const float* row =
+            sums + width * (j < num_alpha ? unknowns[static_cast<std::size_t>(j)] : shape_width + j - num_alpha);
+        double* to = gram.data() + j * size;
+        if (num_alpha == shape_size && j < num_alpha) {
+            std::copy(row + j, row + num_alpha, to + j);
         }
-        if (to != from) {
-            std::copy_n(from, num_first, to);
+        for (int i = j; i < num_alpha && num_alpha < shape_size; ++i) { // some are held
+            to[i] = row[unknowns[static_cast<std::size_t>(i)]];
         }
-        std::fill(std::copy(moved + num_first, moved + size, to + num_first), to + gram_width, 0.0f);
-    }
-    float* sums = room_for(system.gram, static_cast<Eigen::Index>(gram_width) * gram_width);
-    std::fill_n(sums, gram_width * gram_width, 0.0f);
-    kernels->add_gram(rows, num_rows, gram_width, sums);
-    for (int j = 0; j < size; ++j) { // the upper triangle's rows are the lower one's columns
-        std::copy(sums + j * (gram_width + 1), sums + j * gram_width + size, gram.data() + j * (size + 1));
+        const int begin = std::max(j, num_alpha);
+        std::copy(row + shape_width + begin - num_alpha, row + shape_width + size - num_alpha, to + begin);
     }
 }
 

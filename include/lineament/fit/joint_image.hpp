@@ -80,16 +80,12 @@ private:
     [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_variance_mm,
                                                 const Eigen::Vector3d& bias_variances, const Camera& camera,
                                                 const NoiseSharing& noise, bool has_bias) const;
-    [[nodiscard]] bool is_outline(int landmark_index) const
-    {
-        return is_outline_landmark(base_, landmarks_.landmarks[landmark_index]);
-    }
-
     const FaceFitter& base_;
     const JointOptions& options_;
     const LandmarkSet& landmarks_;
     std::span<const Eigen::Matrix2d> covariances_px_;
     LandmarkUse use_ = {};
+    std::vector<FaceSide> outline_sides_ = {}; ///< Of use_.outline.
     ContourView view_ = ContourView::frontal;
     Eigen::Matrix3Xf shape_vertices_ = {};
 };

@@ -114,6 +114,9 @@ LINEAMENT_FIT_INLINE JointImageMatcher::JointImageMatcher(const FaceFitter& base
         require_covariance(covariances_px[l], function,
                            "landmark \"" + landmarks.landmarks[l].name + "\".covariance_px");
     }
+    for (const int l : use_.outline) {
+        outline_sides_.push_back(*outline_side(landmarks.scheme, landmarks.landmarks[l].name));
+    }
     if (!use_.outline.empty()) {
         shape_vertices_.resize(3, base.model().num_vertices());
     }
@@ -143,6 +146,9 @@ LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landma
     if (noise.num_images > 1) {
         return own + noise.num_images * common;
     }
+    if (noise.num_before == 0) {
+        return own + common;
+    }
     return (own + (noise.num_before + 1) * common) * own.inverse() * (own + noise.num_before * common);
 }
 
@@ -155,9 +161,10 @@ LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image(const PackedPoint
     for (const int l : use_.fixed) {
         image.image_points.col(static_cast<Eigen::Index>(map_indices.size())) = landmarks_.landmarks[l].point_px;
         map_indices.push_back(use_.map_indices[l]);
-        image.used.push_back({l, -1, 2, Eigen::Matrix2d::Identity()});
+        image.used.push_back({l, -1, 2});
     }
     image.points = PackedPoints(landmark_points, map_indices, room);
+    image.roots = Eigen::RowVector3d(1, 0, 1).replicate(image.points.num_points, 1);
     return image;
 }
 
@@ -207,11 +214,12 @@ JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& al
             continue;
         }
         const Eigen::Matrix2Xd projected = project_vertices(shape_vertices_, vertices, camera);
-        for (const int l : use_.outline) {
-            const Landmark& landmark = landmarks_.landmarks[l];
-            if (outline_side(landmarks_.scheme, landmark.name) != side) {
+        for (std::size_t o = 0; o < use_.outline.size(); ++o) {
+            if (outline_sides_[o] != side) {
                 continue;
             }
+            const int l = use_.outline[o];
+            const Landmark& landmark = landmarks_.landmarks[l];
             const double scale = camera.scale_px_per_mm;
             const std::optional<OutlineMatch> match =
                 is_occluding ? match_silhouette(vertices, projected, landmark.point_px, 15 * scale,
@@ -230,6 +238,13 @@ JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& al
     return matches;
 }
 
+/// U00, U01, U11 of the upper triangular U with weight C^-1 = U^T U.
+[[nodiscard]] inline Eigen::RowVector3d root_of_inverse(double weight, const Eigen::Matrix2d& covariance)
+{
+    const double scale = std::sqrt(weight / (covariance(1, 1) * covariance.determinant()));
+    return {scale * covariance(1, 1), -scale * covariance(0, 1), std::sqrt(weight / covariance(1, 1))};
+}
+
 LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd& alpha,
                                                    const Eigen::VectorXd& psi, const NoiseSharing& noise,
                                                    JointImage& image)
@@ -239,15 +254,19 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     const Eigen::Index num_fixed = static_cast<Eigen::Index>(use_.fixed.size());
     image.points.num_points = num_fixed + static_cast<Eigen::Index>(matches.size());
     image.used.clear();
+    image.roots.resize(image.points.num_points, 3);
     image.matched_scale = noise.scale_px_per_mm;
     const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::Matrix2d& covariance) {
-        const Eigen::Matrix2d weight = landmarks_.landmarks[l].confidence * covariance.inverse();
-        image.used.push_back({l, bias_index, num_dimensions, weight.llt().matrixU()});
+        image.roots.row(static_cast<Eigen::Index>(image.used.size())) =
+            root_of_inverse(landmarks_.landmarks[l].confidence, covariance);
+        image.used.push_back({l, bias_index, num_dimensions});
     };
     const Eigen::VectorXf* stated = base_.landmark_noise_mm();
     for (const int l : use_.fixed) {
         const int map_index = use_.map_indices[l];
-        const double sigma_mm = is_outline(l) ? options_.contour_sigma_mm : options_.landmark_sigma_mm;
+        const bool is_outline = // others are matched
+            options_.contour == ContourMode::fixed && is_outline_landmark(base_, landmarks_.landmarks[l]);
+        const double sigma_mm = is_outline ? options_.contour_sigma_mm : options_.landmark_sigma_mm;
         const Eigen::Vector3d bias_variances = bias_variances_mm(base_, options_, map_index);
         const double variance =
             stated != nullptr ? std::pow((*stated)[map_index], 2) - bias_variances.x() : sigma_mm * sigma_mm;

@@ -21,9 +21,8 @@ namespace lineament::detail {
 struct JointPoint
 {
     int landmark_index = 0;
-    int bias_index = -1;                                ///< Position in the landmark map if it has a bias, or -1.
-    int num_dimensions = 2;                             ///< 1 for a point on a re-matched outline.
-    Eigen::Matrix2d root = Eigen::Matrix2d::Identity(); ///< U with W = U^T U [1/px].
+    int bias_index = -1;    ///< Position in the landmark map if it has a bias, or -1.
+    int num_dimensions = 2; ///< 1 for a point on a re-matched outline.
 };
 
 /// What of one image enters the energy. Constant within a round.
@@ -32,6 +31,7 @@ struct JointImage
     std::vector<JointPoint> used = {}; ///< One per point below.
     PackedPoints points = {};
     Eigen::Matrix2Xd image_points = {}; ///< 2 x N, and perhaps room for more.
+    Eigen::MatrixX3d roots = {};        ///< N x 3, U00, U01, U11 of the upper triangular U with W = U^T U [1/px].
     double matched_scale = 1.0;         ///< s_0 [px/mm].
     double scale_strength = 0.0;        ///< n_f.
 };
@@ -46,22 +46,40 @@ struct JointState
     Eigen::Matrix3Xd bias = {};            ///< 3 x L, mm at scale s_0, or empty.
 };
 
-/// The model points of an image at a state (3 x N) [mm].
+/// The model points of an image at a state, and how far from their landmarks they are seen.
 struct PlacedPoints
 {
-    Eigen::Matrix3Xd offsets = {}; ///< What expression and bias add.
-    Eigen::Matrix3Xd points = {};  ///< With them.
+    Eigen::Matrix3Xd offsets = {};   ///< What expression and bias add [mm].
+    Eigen::Matrix3Xd points = {};    ///< With them [mm].
+    Eigen::MatrixX2d residuals = {}; ///< N x 2, U (seen - landmark).
+
+    [[nodiscard]] double squared_residual(Eigen::Index i) const { return residuals.row(i).squaredNorm(); }
 
     AlignedBuffer<double> padded = {}; ///< Kept for its room.
 };
 
-/// What a point says of the unknowns that move it, times the roots of its weight and curvature.
-struct PointTerm
+/// What the points of an image say of the unknowns that move them, times the roots of their weights and curvatures.
+struct PointTerms
 {
-    Eigen::Matrix<double, 2, 3> by_point;  ///< Derivative by the model point [1/mm].
-    Eigen::Matrix<double, 2, 6> by_camera; ///< By turn, log s, tau.
-    Eigen::Vector2d by_phi;                ///< By the shared phi; 0 where it is not an unknown.
-    Eigen::Vector2d residual;
+    /// N x 20: derivatives by the model point (2 x 3), by turn, log s, tau (2 x 6), both row by row, by the shared phi.
+    Eigen::Matrix<double, Eigen::Dynamic, 20> derivatives = {};
+    Eigen::MatrixX2d residuals = {};
+
+    Eigen::ArrayXd root_curvatures = {}; ///< Kept for its room.
+
+    [[nodiscard]] Eigen::Matrix<double, 2, 3> by_point(Eigen::Index i) const
+    {
+        Eigen::Matrix<double, 2, 3> by_point;
+        by_point << derivatives.block<1, 3>(i, 0), derivatives.block<1, 3>(i, 3);
+        return by_point;
+    }
+    [[nodiscard]] Eigen::Matrix<double, 2, 6> by_camera(Eigen::Index i) const
+    {
+        Eigen::Matrix<double, 2, 6> by_camera;
+        by_camera << derivatives.block<1, 6>(i, 6), derivatives.block<1, 6>(i, 12);
+        return by_camera;
+    }
+    [[nodiscard]] Eigen::Vector2d by_phi(Eigen::Index i) const { return derivatives.row(i).tail<2>().transpose(); }
 };
 
 /// Half the gradient of the energy and half its Gauss-Newton matrix, landmark biases eliminated. The unknowns are
@@ -82,9 +100,8 @@ struct JointSystem
     Eigen::Matrix3Xd bias_gradient = {};               ///< 3 x L.
 
     // Kept for their room:
-    std::vector<std::vector<PointTerm>> terms = {}; ///< Of each image.
-    AlignedBuffer<float> rows = {}, moved = {}, gram = {};
-    std::vector<int> columns = {};
+    std::vector<PointTerms> terms = {}; ///< Of each image.
+    AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {};
     AlignedBuffer<double> factors = {}, sums = {};
 };
 
@@ -94,9 +111,6 @@ inline constexpr double max_scale_change = 2.0;
 
 /// mu of a prior of matrix Lambda and vector Lambda mu.
 [[nodiscard]] Eigen::VectorXd prior_mean(const IdentityInformation& prior);
-
-/// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
-[[nodiscard]] double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha);
 
 /// Off the diagonal what adds nothing to its sum counts as 0.
 [[nodiscard]] inline bool is_identity(const Eigen::MatrixXd& matrix)
@@ -158,16 +172,16 @@ public:
     /// With the matrix of those.
     void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
-    /// The gradient alone anew; what has been eliminated with the biases stays. False where other unknowns are free
-    /// than those of the matrix.
+    /// The gradient alone anew; what has been eliminated with the biases stays. False where unknowns are free that the
+    /// matrix is not of.
     [[nodiscard]] bool renew_gradient(const JointState& state, const std::vector<PlacedPoints>& placed,
                                       JointSystem& system) const;
 
-    /// tr(R P R^T) of the prior's matrix P.
-    /// @param root          R, n x c.
-    /// @param coefficients  Which of alpha its columns are, c.
-    [[nodiscard]] double prior_trace(const Eigen::Ref<const PositiveFactor::RowMajor>& root,
-                                     const std::vector<int>& coefficients) const;
+    /// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
+    [[nodiscard]] double prior_squares(const Eigen::VectorXd& alpha) const;
+
+    /// The prior's matrix of some of alpha; empty where it is 1.
+    [[nodiscard]] Eigen::MatrixXd prior_of(const std::vector<int>& coefficients) const;
 
     /// Unknowns of the system's matrix that move an image, as positions in [shared | own].
     [[nodiscard]] std::vector<int> unknowns_of_image(std::size_t image, const std::vector<int>& unknowns) const;
@@ -179,24 +193,17 @@ public:
     [[nodiscard]] JointState moved(const JointState& state, const JointSystem& system, const Eigen::VectorXd& step,
                                    double damping = 0.0) const;
 
-    /// Weighted squared distance of a point from its landmark.
-    [[nodiscard]] double squared_residual(std::size_t image, Eigen::Index point, const JointState& state,
-                                          const Eigen::Matrix3Xd& shape) const;
-
-    /// Model points of an image with expression and bias (3 x N).
-    [[nodiscard]] Eigen::Matrix3Xd shape_of_points(std::size_t image, const JointState& state) const;
-
 private:
     [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }
     [[nodiscard]] double prior_energy(const JointState& state) const;
     void place_image(std::size_t image, const JointState& state, PlacedPoints& placed) const;
+    void set_residuals(std::size_t image, const JointState& state, PlacedPoints& placed) const;
     [[nodiscard]] Eigen::VectorXd prior_gradient(const Eigen::VectorXd& alpha) const;
     [[nodiscard]] double own_scale(std::size_t image, const JointState& state) const
     {
         return images[image].matched_scale / state.cameras[image].scale_px_per_mm;
     }
-    void set_terms(std::size_t image, const JointState& state, const PlacedPoints& placed,
-                   std::vector<PointTerm>& terms) const;
+    void set_terms(std::size_t image, const JointState& state, const PlacedPoints& placed, PointTerms& terms) const;
     void set_gradient(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
     void add_gradient(std::size_t image, const JointState& state, JointSystem& system) const;
     void set_couplings(const JointState& state, JointSystem& system) const;
@@ -207,7 +214,7 @@ private:
                   Eigen::MatrixXd& gram) const;
     void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
                              Eigen::MatrixXd& gram) const;
-    void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerm& term, double own_scale,
+    void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerms& terms, double own_scale,
                            Eigen::MatrixX2d& rows) const;
 
     const JointOptions& options_;

@@ -24,10 +24,10 @@ LINEAMENT_FIT_INLINE Eigen::VectorXd prior_mean(const IdentityInformation& prior
     return prior.vector.isZero(0) ? prior.vector : Eigen::VectorXd(prior.matrix.ldlt().solve(prior.vector));
 }
 
-LINEAMENT_FIT_INLINE double prior_squares(const IdentityInformation& prior, const Eigen::VectorXd& alpha)
+LINEAMENT_FIT_INLINE double JointProblem::prior_squares(const Eigen::VectorXd& alpha) const
 {
-    const Eigen::VectorXd offset = alpha - prior_mean(prior);
-    return offset.dot(prior.matrix * offset);
+    const Eigen::VectorXd offset = alpha - prior_mean(prior_);
+    return is_prior_standard_ ? offset.squaredNorm() : offset.dot(prior_.matrix * offset);
 }
 
 /// Lambda a - Lambda mu.
@@ -36,13 +36,9 @@ LINEAMENT_FIT_INLINE Eigen::VectorXd JointProblem::prior_gradient(const Eigen::V
     return (is_prior_standard_ ? alpha : Eigen::VectorXd(prior_.matrix * alpha)) - prior_.vector;
 }
 
-LINEAMENT_FIT_INLINE double JointProblem::prior_trace(const Eigen::Ref<const PositiveFactor::RowMajor>& root,
-                                                      const std::vector<int>& coefficients) const
+LINEAMENT_FIT_INLINE Eigen::MatrixXd JointProblem::prior_of(const std::vector<int>& coefficients) const
 {
-    if (is_prior_standard_) {
-        return root.squaredNorm();
-    }
-    return (root * prior_.matrix(coefficients, coefficients)).cwiseProduct(root).sum();
+    return is_prior_standard_ ? Eigen::MatrixXd() : Eigen::MatrixXd(prior_.matrix(coefficients, coefficients));
 }
 
 /// Expression and bias count at the scale s_0: how large they are in the image must not tell how large the image of the
@@ -63,6 +59,38 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
     placed.offsets *= own_scale(image, state);
     points.identity.multiply(kernels, points.num_points, state.alpha, placed.padded, placed.points);
     placed.points += points.mean.leftCols(points.num_points) + placed.offsets;
+    set_residuals(image, state, placed);
+}
+
+[[nodiscard]] inline kernels::PerspectiveCamera for_kernels(const Camera& camera)
+{
+    kernels::PerspectiveCamera same;
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(same.turn) = camera.camera_from_model;
+    Eigen::Map<Eigen::Vector2d>(same.translation) = camera.translation_mm;
+    same.scale = camera.scale_px_per_mm;
+    same.phi = camera.phi_per_mm;
+    Eigen::Map<Eigen::Vector2d>(same.centre) = camera.principal_point_px;
+    return same;
+}
+
+LINEAMENT_FIT_INLINE void JointProblem::set_residuals(std::size_t image, const JointState& state,
+                                                      PlacedPoints& placed) const
+{
+    const JointImage& seen = images[image];
+    const Camera& camera = state.cameras[image];
+    const Eigen::Index count = placed.points.cols();
+    placed.residuals.resize(count, 2);
+    if (kernels != nullptr) {
+        kernels->camera_residuals(for_kernels(camera), placed.points.data(), seen.image_points.data(),
+                                  seen.roots.data(), static_cast<int>(count), placed.residuals.data());
+        return;
+    }
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const Eigen::Vector2d distance =
+            camera.project(Eigen::Vector3d(placed.points.col(i))) - seen.image_points.col(i);
+        placed.residuals(i, 0) = seen.roots(i, 0) * distance.x() + seen.roots(i, 1) * distance.y();
+        placed.residuals(i, 1) = seen.roots(i, 2) * distance.y();
+    }
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::place(const JointState& state, std::vector<PlacedPoints>& placed) const
@@ -71,21 +99,6 @@ LINEAMENT_FIT_INLINE void JointProblem::place(const JointState& state, std::vect
     for (std::size_t f = 0; f < images.size(); ++f) {
         place_image(f, state, placed[f]);
     }
-}
-
-LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::shape_of_points(std::size_t image, const JointState& state) const
-{
-    PlacedPoints placed;
-    place_image(image, state, placed);
-    return placed.points;
-}
-
-LINEAMENT_FIT_INLINE double JointProblem::squared_residual(std::size_t image, Eigen::Index point,
-                                                           const JointState& state, const Eigen::Matrix3Xd& shape) const
-{
-    const JointImage& seen = images[image];
-    const Eigen::Vector2d fitted = state.cameras[image].project(Eigen::Vector3d(shape.col(point)));
-    return (seen.used[static_cast<std::size_t>(point)].root * (fitted - seen.image_points.col(point))).squaredNorm();
 }
 
 LINEAMENT_FIT_INLINE double JointProblem::prior_energy(const JointState& state) const
@@ -109,14 +122,12 @@ LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state, const 
     double energy = prior_energy(state);
     for (std::size_t f = 0; f < images.size(); ++f) {
         const Camera& camera = state.cameras[f];
-        const Eigen::Matrix3Xd& points = placed[f].points;
-        if (camera.phi_per_mm > 0 && !is_in_front(camera, points)) {
+        if (camera.phi_per_mm > 0 && !is_in_front(camera, placed[f].points)) {
             return std::numeric_limits<double>::infinity();
         }
         RobustSum losses(options_.loss);
-        for (Eigen::Index i = 0; i < points.cols(); ++i) {
-            losses.add(squared_residual(f, i, state, points),
-                       images[f].used[static_cast<std::size_t>(i)].num_dimensions);
+        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
+            losses.add(placed[f].squared_residual(static_cast<Eigen::Index>(i)), images[f].used[i].num_dimensions);
         }
         energy += losses.sum() + 2 * images[f].scale_strength * std::log(camera.scale_px_per_mm);
     }
@@ -126,39 +137,49 @@ LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state, const 
 LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state,
                                                      const std::vector<PlacedPoints>& placed) const
 {
-    double sum = prior_energy(state) - state.alpha.dot(prior_gradient(state.alpha) - prior_.vector) +
-                 prior_squares(prior_, state.alpha);
-    for (std::size_t f = 0; f < images.size(); ++f) {
-        const Eigen::Matrix3Xd& points = placed[f].points;
-        for (Eigen::Index i = 0; i < points.cols(); ++i) {
-            sum += squared_residual(f, i, state, points);
-        }
+    double sum =
+        prior_energy(state) - state.alpha.dot(prior_gradient(state.alpha) - prior_.vector) + prior_squares(state.alpha);
+    for (const PlacedPoints& of_image : placed) {
+        sum += of_image.residuals.squaredNorm();
     }
     return sum;
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const JointState& state,
-                                                  const PlacedPoints& placed, std::vector<PointTerm>& terms) const
+                                                  const PlacedPoints& placed, PointTerms& terms) const
 {
     const JointImage& seen = images[image];
     const Camera& camera = state.cameras[image];
-    const double phi_by_shared = camera.scale_px_per_mm / reference_scale;
-    terms.resize(seen.used.size());
-    for (std::size_t i = 0; i < terms.size(); ++i) {
-        const JointPoint& used = seen.used[i];
-        const Eigen::Index column = static_cast<Eigen::Index>(i);
-        const SeenPoint at = see_point(camera, placed.points.col(column));
-        const Eigen::Vector2d residual = used.root * (at.at_px - seen.image_points.col(column));
-        const double squared = residual.squaredNorm();
-        const double root_curvature = std::sqrt(robust_curvature(options_.loss, squared, used.num_dimensions));
-        const Eigen::Matrix2d root = root_curvature * used.root;
-        PointTerm& term = terms[i];
-        term.by_point.noalias() = root * at.by_point;
-        term.by_camera.noalias() = root * at.by_camera;
-        term.by_camera.col(3) -= term.by_point * placed.offsets.col(column);
-        term.by_phi = phi_by_shared * root * at.by_phi;
-        term.residual = robust_weight(options_.loss, squared, used.num_dimensions) / root_curvature * residual;
+    const Eigen::Index count = placed.points.cols();
+    Eigen::ArrayXd& root_curvatures = terms.root_curvatures;
+    root_curvatures.resize(count);
+    terms.residuals.resize(count, 2);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const double squared = placed.squared_residual(i);
+        const int num_dimensions = seen.used[static_cast<std::size_t>(i)].num_dimensions;
+        root_curvatures[i] = std::sqrt(robust_curvature(options_.loss, squared, num_dimensions));
+        terms.residuals.row(i) =
+            robust_weight(options_.loss, squared, num_dimensions) / root_curvatures[i] * placed.residuals.row(i);
     }
+    terms.derivatives.resize(count, Eigen::NoChange);
+    if (kernels != nullptr) {
+        kernels->camera_derivatives(for_kernels(camera), placed.points.data(), placed.offsets.data(), seen.roots.data(),
+                                    root_curvatures.data(), static_cast<int>(count), terms.derivatives.data());
+    } else {
+        for (Eigen::Index i = 0; i < count; ++i) {
+            const SeenPoint at = see_point(camera, placed.points.col(i));
+            Eigen::Matrix2d root;
+            root << seen.roots(i, 0), seen.roots(i, 1), 0.0, seen.roots(i, 2);
+            root *= root_curvatures[i];
+            const Eigen::Matrix<double, 2, 3> by_point = root * at.by_point;
+            Eigen::Matrix<double, 2, 6> by_camera = root * at.by_camera;
+            by_camera.col(3) -= by_point * placed.offsets.col(i);
+            const Eigen::Vector2d by_phi = root * at.by_phi;
+            terms.derivatives.row(i) << by_point.row(0), by_point.row(1), by_camera.row(0), by_camera.row(1),
+                by_phi.transpose();
+        }
+    }
+    terms.derivatives.rightCols<2>() *= camera.scale_px_per_mm / reference_scale; // by the shared phi
 }
 
 /// J^T W r of one image.
@@ -167,24 +188,28 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
 {
     const JointImage& seen = images[image];
     const Eigen::Index num_points = seen.points.num_points;
+    const PointTerms& terms = system.terms[image];
+    const auto first = terms.residuals.col(0), second = terms.residuals.col(1);
+    const auto derivative = [&](int column) { return terms.derivatives.col(column); };
     Eigen::Map<Eigen::Matrix3Xd> factors(room_for(system.factors, 3 * num_points), 3, num_points);
-    PoseStep by_camera = PoseStep::Zero();
-    for (Eigen::Index i = 0; i < num_points; ++i) {
-        const PointTerm& term = system.terms[image][static_cast<std::size_t>(i)];
-        factors.col(i).noalias() = term.by_point.transpose() * term.residual;
-        by_camera.noalias() += term.by_camera.transpose() * term.residual;
-        if (has_phi()) {
-            system.gradient[num_shape()] += term.by_phi.dot(term.residual);
-        }
+    for (int axis = 0; axis < 3; ++axis) {
+        factors.row(axis) = first.cwiseProduct(derivative(axis)) + second.cwiseProduct(derivative(3 + axis));
+    }
+    for (int c = 0; c < 6; ++c) {
+        system.gradient[camera_begin(image) + c] = first.dot(derivative(6 + c)) + second.dot(derivative(12 + c));
+    }
+    if (has_phi()) {
+        system.gradient[num_shape()] += first.dot(derivative(18)) + second.dot(derivative(19));
+    }
+    for (Eigen::Index i = 0; i < num_points && state.bias.size() > 0; ++i) {
         if (const int b = seen.used[static_cast<std::size_t>(i)].bias_index; b >= 0) {
             system.bias_gradient.col(b) += own_scale(image, state) * factors.col(i);
         }
     }
-    system.gradient.segment<6>(camera_begin(image)) = by_camera;
     const auto add_scaled_rows = [&](const PackedRows& packed, double scale, auto gradient) {
         double* sums = room_for(system.sums, packed.width());
         std::fill_n(sums, packed.width(), 0.0);
-        kernels->add_double_rows(packed.data(), static_cast<int>(3 * num_points), packed.width(), factors.data(), sums);
+        kernels->add_wide(packed.data(), static_cast<int>(3 * num_points), packed.width(), factors.data(), sums);
         gradient += scale * Eigen::Map<const Eigen::VectorXd>(sums, gradient.size());
     };
     auto by_alpha = system.gradient.head(num_shape());
@@ -194,8 +219,9 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
         add_scaled_rows(seen.points.expression, own_scale(image, state), by_psi);
     } else {
         const Eigen::Map<const Eigen::VectorXd> stacked(factors.data(), factors.size());
-        by_alpha.noalias() += seen.points.identity.leading(num_points) * stacked;
-        by_psi.noalias() += own_scale(image, state) * (seen.points.expression.leading(num_points) * stacked);
+        by_alpha.noalias() += seen.points.identity.leading(num_points).cast<double>() * stacked;
+        by_psi.noalias() +=
+            own_scale(image, state) * (seen.points.expression.leading(num_points).cast<double>() * stacked);
     }
 }
 
@@ -223,18 +249,20 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, co
 }
 
 /// The rows of J^T that a point adds, in the order [shared | own] (x 2).
-LINEAMENT_FIT_INLINE void JointProblem::set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerm& term,
-                                                          double own_scale, Eigen::MatrixX2d& rows) const
+LINEAMENT_FIT_INLINE void JointProblem::set_rows_of_point(std::size_t image, Eigen::Index point,
+                                                          const PointTerms& terms, double own_scale,
+                                                          Eigen::MatrixX2d& rows) const
 {
     const PackedPoints& points = images[image].points;
+    const Eigen::Matrix<double, 2, 3> by_point = terms.by_point(point);
     rows.resize(num_shared() + num_own(), 2);
-    rows.topRows(num_shape()).noalias() = points.identity.of_point(point) * term.by_point.transpose();
+    rows.topRows(num_shape()).noalias() = points.identity.of_point(point).cast<double>() * by_point.transpose();
     if (has_phi()) {
-        rows.row(num_shape()) = term.by_phi.transpose();
+        rows.row(num_shape()) = terms.by_phi(point).transpose();
     }
-    rows.bottomRows<6>() = term.by_camera.transpose();
+    rows.bottomRows<6>() = terms.by_camera(point).transpose();
     rows.middleRows(num_shared(), num_expressions_).noalias() =
-        points.expression.of_point(point) * (own_scale * term.by_point.transpose());
+        points.expression.of_point(point).cast<double>() * (own_scale * by_point.transpose());
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_gradient(JointSystem& system) const
@@ -287,7 +315,8 @@ LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, 
 {
     set_gradient(state, placed, system);
     eliminate_bias_gradient(system);
-    return free_unknowns(state, system.gradient) == system.unknowns;
+    const std::vector<int> free = free_unknowns(state, system.gradient);
+    return std::includes(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end());
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const

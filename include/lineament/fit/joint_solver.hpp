@@ -41,11 +41,18 @@ struct JointScratch
     bool keeps_matrix = false; ///< The next step may take the system's matrix and its factor over.
 };
 
+struct RoundLimits
+{
+    int max_iterations = 1;
+    double tolerance = 0.1;
+    bool sets_scale_strengths = true; ///< At the first step, if its matrix is new.
+};
+
 /// Lowers the energy of a round by damped Gauss-Newton steps, whose matrix is kept while the steps are short, until
 /// what is left to go after a step is `tolerance` posterior standard deviations long (step^T H step = -gradient^T step,
-/// times the rate at which that falls), or the iterations are used up. A kept matrix keeps the scale strengths.
-void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance, int round,
-              JointScratch& scratch, JointProgress& progress);
+/// times the rate at which that falls), or the iterations are used up.
+void minimize(JointProblem& problem, JointState& state, const RoundLimits& limits, int round, JointScratch& scratch,
+              JointProgress& progress);
 
 } // namespace lineament::detail
 

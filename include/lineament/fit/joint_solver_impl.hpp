@@ -7,6 +7,8 @@
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/positive_factor_impl.hpp"
 
+#include <Eigen/Cholesky>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -46,31 +48,30 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
     std::vector<bool> is_held(system.unknowns.size(), false);
     std::vector<Eigen::Index> held; // K, positions among the unknowns
     std::vector<double> bounds;
-    std::vector<Eigen::VectorXd> columns; // C
+    Eigen::MatrixXd columns(size, 0); // C
     while (true) {
-        const std::size_t num_before = held.size();
+        const Eigen::Index num_before = columns.cols();
         for (Eigen::Index i = 0; i < size; ++i) {
             const int unknown = system.unknowns[static_cast<std::size_t>(i)];
             if (!is_held[static_cast<std::size_t>(i)] && !(solved[i] >= down[unknown] && solved[i] <= up[unknown])) {
                 is_held[static_cast<std::size_t>(i)] = true;
                 held.push_back(i);
                 bounds.push_back(solved[i] < down[unknown] ? down[unknown] : up[unknown]);
-                columns.push_back(factor.solve(Eigen::VectorXd::Unit(size, i)));
             }
         }
-        if (held.size() == num_before) {
+        const Eigen::Index num_held = static_cast<Eigen::Index>(held.size()), num_new = num_held - num_before;
+        if (num_new == 0) {
             break;
         }
-        const Eigen::Map<const Eigen::VectorXd> goals(bounds.data(), static_cast<Eigen::Index>(bounds.size()));
-        Eigen::MatrixXd of_held(held.size(), held.size()); // C_KK
-        for (std::size_t k = 0; k < held.size(); ++k) {
-            of_held.col(static_cast<Eigen::Index>(k)) = columns[k](held);
+        Eigen::MatrixXd units = Eigen::MatrixXd::Zero(size, num_new);
+        for (Eigen::Index k = 0; k < num_new; ++k) {
+            units(held[static_cast<std::size_t>(num_before + k)], k) = 1;
         }
-        const Eigen::VectorXd pulls = of_held.llt().solve(free(held) - goals);
-        solved = free;
-        for (std::size_t k = 0; k < held.size(); ++k) {
-            solved -= pulls[static_cast<Eigen::Index>(k)] * columns[k];
-        }
+        columns.conservativeResize(Eigen::NoChange, num_held);
+        columns.rightCols(num_new) = factor.solve(units);
+        const Eigen::Map<const Eigen::VectorXd> goals(bounds.data(), num_held);
+        const Eigen::MatrixXd of_held = columns(held, Eigen::all); // C_KK
+        solved = free - columns * of_held.llt().solve(free(held) - goals);
         solved(held) = goals;
     }
     step(system.unknowns) = solved;
@@ -108,12 +109,12 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
             begin, std::lower_bound(begin, system.unknowns.end(), static_cast<int>(problem.num_shape())));
         const Eigen::Index count = static_cast<Eigen::Index>(alpha.size());
         const double strength =
-            static_cast<double>(count) - problem.prior_trace(lambda.inverse_root(num_linear).leftCols(count), alpha);
+            static_cast<double>(count) - lambda.inverse_trace(num_linear, count, problem.prior_of(alpha));
         set_scale_strength(problem, 0, strength, system);
         return;
     }
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse(linear, linear) = lambda.lower_inverse(num_linear).selfadjointView<Eigen::Lower>();
+    inverse(linear, linear) = lambda.inverse(num_linear);
     const Eigen::Index num_shared =
         std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.num_shared()) -
         system.unknowns.begin();
@@ -154,8 +155,8 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
 /// Below this -gradient . step, two posterior standard deviations squared, the matrix changes little with a step.
 inline constexpr double short_decrease = 4.0;
 
-LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int max_iterations, double tolerance,
-                                   int round, JointScratch& scratch, JointProgress& progress)
+LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, const RoundLimits& limits, int round,
+                                   JointScratch& scratch, JointProgress& progress)
 {
     progress.has_settled = false;
     double damping = 0;
@@ -163,13 +164,13 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
     double last_decrease = 0;
     auto& [system, factor, placed, next_placed, down, up, keeps_matrix] = scratch;
     problem.place(state, placed);
-    for (int iteration = 0; iteration < max_iterations && !progress.has_settled; ++iteration) {
+    for (int iteration = 0; iteration < limits.max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;
         if (!keeps_matrix || !problem.renew_gradient(state, placed, system)) {
             keeps_matrix = false;
             problem.linearize_free(state, placed, system);
             factor.factor(system.hessian, damping);
-            if (iteration == 0) {
+            if (iteration == 0 && limits.sets_scale_strengths) {
                 refresh_scale_strengths(problem, state, system, factor);
             }
         }
@@ -186,8 +187,8 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, int
             const double decrease = -system.gradient.dot(step);
             const double rate = iteration == 0 ? 1.0 : std::clamp(decrease / last_decrease, 0.01, 1.0);
             // What rounding hides in the energy is settled too.
-            progress.has_settled =
-                damping <= 1 && rate * decrease <= std::max(tolerance * tolerance, 1e-14 * (1 + std::abs(energy)));
+            progress.has_settled = damping <= 1 && rate * decrease <= std::max(limits.tolerance * limits.tolerance,
+                                                                               1e-14 * (1 + std::abs(energy)));
             if (next_energy < energy) {
                 state = std::move(next);
                 placed.swap(next_placed);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Points of a model in double precision, and the products with them, for the kernels.
+// Points of a model, and the products with them, for the kernels.
 #pragma once
 
 #include "lineament/fit/model_points.hpp"
@@ -28,7 +28,8 @@ T* room_for(AlignedBuffer<T>& buffer, Eigen::Index size)
     return buffer.data();
 }
 
-/// One matrix of rows, three a point, each filled up with zeros to a multiple of double_step.
+/// One matrix of rows, three a point, each filled up with zeros to a multiple of double_step. They are in single
+/// precision, as the model is; what is multiplied with them is not.
 class PackedRows
 {
 public:
@@ -44,31 +45,31 @@ public:
         : num_coefficients_(other.num_coefficients_), width_(other.width_),
           rows_(static_cast<std::size_t>(3 * num_points * width_), kernels::unset)
     {
-        double* to = rows_.data();
+        float* to = rows_.data();
         for (const int point : points) {
             to = std::copy_n(other.rows_.data() + 3 * point * width_, 3 * width_, to);
         }
-        std::fill(to, rows_.data() + rows_.size(), 0.0);
+        std::fill(to, rows_.data() + rows_.size(), 0.0f);
     }
 
     [[nodiscard]] int width() const { return width_; }
-    [[nodiscard]] const double* data() const { return rows_.data(); }
+    [[nodiscard]] const float* data() const { return rows_.data(); }
 
     template <typename Matrix>
     using Columns = Eigen::Map<Matrix, 0, Eigen::OuterStride<>>;
 
     /// The rows of a point as ModelPoints has them (num_coefficients x 3).
-    [[nodiscard]] Columns<Eigen::MatrixX3d> of_point(Eigen::Index point)
+    [[nodiscard]] Columns<Eigen::MatrixX3f> of_point(Eigen::Index point)
     {
         return {rows_.data() + 3 * point * width_, num_coefficients_, 3, Eigen::OuterStride<>(width_)};
     }
-    [[nodiscard]] Columns<const Eigen::MatrixX3d> of_point(Eigen::Index point) const
+    [[nodiscard]] Columns<const Eigen::MatrixX3f> of_point(Eigen::Index point) const
     {
         return {rows_.data() + 3 * point * width_, num_coefficients_, 3, Eigen::OuterStride<>(width_)};
     }
 
     /// Those of the leading points (num_coefficients x 3N).
-    [[nodiscard]] Columns<const Eigen::MatrixXd> leading(Eigen::Index num_points) const
+    [[nodiscard]] Columns<const Eigen::MatrixXf> leading(Eigen::Index num_points) const
     {
         return {rows_.data(), num_coefficients_, 3 * num_points, Eigen::OuterStride<>(width_)};
     }
@@ -82,18 +83,18 @@ public:
         products.resize(3, num_points);
         if (kernels == nullptr) {
             Eigen::Map<Eigen::VectorXd>(products.data(), products.size()).noalias() =
-                leading(num_points).transpose() * x;
+                leading(num_points).cast<double>().transpose() * x;
             return;
         }
         double* factors = room_for(padded, width_);
         std::fill(std::copy_n(x.data(), x.size(), factors), factors + width_, 0.0);
-        kernels->multiply_double_rows(rows_.data(), static_cast<int>(3 * num_points), width_, factors, products.data());
+        kernels->multiply_wide(rows_.data(), static_cast<int>(3 * num_points), width_, factors, products.data());
     }
 
 private:
     Eigen::Index num_coefficients_ = 0;
     int width_ = 0;
-    AlignedBuffer<double> rows_ = {};
+    AlignedBuffer<float> rows_ = {};
 };
 
 /// As ModelPoints, laid out for the kernels, with room for more points than there are.
@@ -105,8 +106,8 @@ struct PackedPoints
           expression(num_points, points.num_expression_coefficients())
     {
         for (Eigen::Index i = 0; i < num_points; ++i) {
-            identity.of_point(i) = points.identity.middleCols<3>(3 * i);
-            expression.of_point(i) = points.expression.middleCols<3>(3 * i);
+            identity.of_point(i) = points.identity.middleCols<3>(3 * i).cast<float>();
+            expression.of_point(i) = points.expression.middleCols<3>(3 * i).cast<float>();
         }
     }
 

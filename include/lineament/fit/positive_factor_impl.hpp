@@ -8,20 +8,18 @@
 
 #include <cmath>
 #include <limits>
+#include <vector>
 
 namespace lineament::detail {
 
-/// Cholesky's factor U of a positive definite matrix, A = U^T U, and what is solved with it; by kernels, where there
+/// Cholesky's factor U of a positive definite matrix, A = U^T U, and what is solved with it: by kernels, where there
 /// are any, or by Eigen. Buffers are kept from one matrix to the next.
 class PositiveFactor
 {
 public:
-    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    /// In memory of the factor; the next matrix or root takes it.
-    using Root = Eigen::Map<RowMajor, 0, Eigen::OuterStride<>>;
-
     explicit PositiveFactor(const kernels::Kernels* kernels) : kernels_(kernels) {}
 
+    /// By kernels in single precision, unless the matrix is not positive definite to that.
     /// @param matrix   n x n, of which the lower triangle is read. What is solved with a matrix that is not positive
     ///                 definite is not a number.
     /// @param damping  The diagonal is made 1 + damping times as large.
@@ -36,53 +34,171 @@ public:
                 damped.setConstant(std::numeric_limits<double>::quiet_NaN());
                 cholesky_.compute(damped);
             }
-        } else {
-            factor_beside(matrix, damping, Eigen::MatrixXd(size_, 0));
+            return;
+        }
+        width_ = kernels::round_up(static_cast<int>(size_), kernels::width_step);
+        float* system = set_upper(matrix, damping, single_);
+        is_single_ = kernels_->factor_positive_float(system, static_cast<int>(size_), width_,
+                                                     room_for(single_inverses_, size_)) > 0;
+        if (!is_single_) {
+            width_ = kernels::round_up(static_cast<int>(size_), kernels::double_step);
+            set_upper(matrix, damping, double_);
+            factor_double();
         }
     }
 
-    /// A^-1 b.
-    [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& b)
+    /// A^-1 B (n x c).
+    [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& columns)
     {
         if (kernels_ == nullptr) {
-            return cholesky_.solve(b);
+            return cholesky_.solve(columns);
         }
-        const int n = static_cast<int>(size_), width = padded_size(size_);
-        double* x = room_for(right_side_, width);
-        Eigen::Map<Eigen::VectorXd> solved(x, size_);
-        solved = b;
-        if (is_root_known_) { // R^T R b: two products in which nothing waits for anything
-            std::fill(x + n, x + width, 0.0);
-            double* product = room_for(product_, width);
-            kernels_->multiply_double_rows(root_.data(), n, width, x, product);
-            std::fill_n(x, width, 0.0);
-            kernels_->add_double_rows(root_.data(), n, width, product, x);
-        } else {
-            kernels_->solve_factored(system_.data(), n, width_, x);
+        if (is_single_) {
+            return solve_by(kernels_->solve_factored_float, single_, single_inverses_, columns, single_solved_);
         }
-        return solved;
+        return solve_by(kernels_->solve_factored, double_, inverses_, columns, solved_);
     }
 
-    /// U^-T B (n x c).
-    [[nodiscard]] Eigen::MatrixXd factor_and_half_solve(const Eigen::MatrixXd& matrix, const Eigen::MatrixXd& columns)
+    /// Of the block of a matrix's lower triangle with those rows and columns, ascending, in double precision.
+    /// @param others  Further columns, ascending.
+    /// @return |U^-T H_Fk|^2 of each of them, k, with F the block's.
+    [[nodiscard]] Eigen::VectorXd factor_block(const Eigen::MatrixXd& matrix, const std::vector<int>& block,
+                                               const std::vector<int>& others)
     {
+        size_ = static_cast<Eigen::Index>(block.size());
+        const Eigen::Index num_others = static_cast<Eigen::Index>(others.size());
+        const int width = kernels::round_up(static_cast<int>(size_), kernels::double_step);
+        width_ = width + kernels::round_up(static_cast<int>(num_others), kernels::double_step);
+        double* row = room_for(double_, size_ * width_);
+        for (std::size_t i = 0; i < block.size(); ++i, row += width_) { // the upper triangle's rows
+            const double* column = matrix.data() + matrix.rows() * block[i];
+            for (std::size_t j = i; j < block.size(); ++j) {
+                row[j] = column[block[j]];
+            }
+            std::fill(row + size_, row + width_, 0.0);
+            for (std::size_t k = 0; k < others.size(); ++k) {
+                row[static_cast<std::size_t>(width) + k] =
+                    others[k] > block[i] ? column[others[k]] : matrix(block[i], others[k]);
+            }
+        }
+        Eigen::Map<RowMajor<double>> beside_block(double_.data(), size_, width_);
         if (kernels_ == nullptr) {
-            factor(matrix);
-            return columns.size() > 0 ? Eigen::MatrixXd(cholesky_.matrixL().solve(columns)) : columns;
+            factor(beside_block.leftCols(size_).transpose());
+            return cholesky_.matrixL()
+                .solve(beside_block.middleCols(width, num_others))
+                .colwise()
+                .squaredNorm()
+                .transpose();
         }
-        size_ = matrix.rows();
-        factor_beside(matrix, 0.0, columns);
-        return rows().rightCols(width_ - padded_size(size_)).leftCols(columns.cols());
+        factor_double();
+        return beside_block.middleCols(width, num_others).colwise().squaredNorm().transpose();
     }
 
-    /// R = U^-T of the leading n unknowns, the root of their block's inverse: its inverse is R^T R. Lower triangular.
-    [[nodiscard]] Root inverse_root(Eigen::Index n)
+    /// tr(P C) of the leading `count` unknowns, C the inverse of the leading n's block of A.
+    /// @param weights  P; empty: 1.
+    [[nodiscard]] double inverse_trace(Eigen::Index n, Eigen::Index count, const Eigen::MatrixXd& weights)
     {
-        const int width = padded_size(size_);
-        Root root(room_for(root_, size_ * width), n, n, Eigen::OuterStride<>(width));
-        if (kernels_ != nullptr) { // of all unknowns, for the solutions to come
-            kernels_->invert_factor(system_.data(), static_cast<int>(size_), width_, root_.data(), width);
-            is_root_known_ = true;
+        const auto trace = [&](const auto& root) { // U^-T
+            return weights.size() == 0
+                       ? static_cast<double>(root.squaredNorm())
+                       : (root.template cast<double>() * weights).cwiseProduct(root.template cast<double>()).sum();
+        };
+        if (kernels_ != nullptr && is_single_) {
+            return trace(set_root(n, single_.data(), single_root_, kernels_->invert_factor_float).leftCols(count));
+        }
+        return trace(inverse_root(n).leftCols(count));
+    }
+
+    /// The inverse of the leading n unknowns' block.
+    [[nodiscard]] Eigen::MatrixXd inverse(Eigen::Index n)
+    {
+        const auto root = inverse_root(n);
+        if (kernels_ == nullptr) {
+            return root.transpose() * root;
+        }
+        const int width = static_cast<int>(root.outerStride());
+        double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
+        std::fill_n(gram, width * width, 0.0);
+        kernels_->add_lower_gram(root.data(), static_cast<int>(n), width, gram);
+        constexpr int step = kernels::double_step;               // blocks, which stay in the nearest cache
+        Eigen::Map<Eigen::MatrixXd> inverse(gram, width, width); // its columns are the rows of the upper triangle
+        for (int j = 0; j < width; j += step) {
+            inverse.block<step, step>(j, j).triangularView<Eigen::StrictlyUpper>() =
+                inverse.block<step, step>(j, j).transpose();
+            for (int i = j + step; i < width; i += step) {
+                inverse.block<step, step>(j, i) = inverse.block<step, step>(i, j).transpose();
+            }
+        }
+        return inverse.topLeftCorner(n, n);
+    }
+
+private:
+    template <typename T>
+    using RowMajor = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    template <typename T>
+    using Rows = Eigen::Map<RowMajor<T>, 0, Eigen::OuterStride<>>;
+
+    /// The matrix's lower columns as the upper rows of `system`.
+    template <typename T>
+    T* set_upper(const Eigen::MatrixXd& matrix, double damping, AlignedBuffer<T>& system)
+    {
+        const int n = static_cast<int>(size_);
+        T* row = room_for(system, static_cast<Eigen::Index>(n) * width_);
+        for (int i = 0; i < n; ++i, row += width_) {
+            std::copy(matrix.data() + i * (n + 1), matrix.data() + (i + 1) * n, row + i);
+            std::fill(row + n, row + width_, T(0));
+            row[i] *= static_cast<T>(1 + damping);
+        }
+        return system.data();
+    }
+
+    /// Of what `double_` holds.
+    void factor_double()
+    {
+        is_single_ = false;
+        if (!(kernels_->factor_positive(double_.data(), static_cast<int>(size_), width_, room_for(inverses_, size_)) >
+              0)) {
+            std::fill_n(double_.data(), size_ * width_, std::numeric_limits<double>::quiet_NaN());
+        }
+    }
+
+    template <typename T, typename Solve>
+    Eigen::MatrixXd solve_by(Solve solve, const AlignedBuffer<T>& system, const AlignedBuffer<T>& inverses,
+                             const Eigen::MatrixXd& columns, AlignedBuffer<T>& solved)
+    {
+        using SideBySide = Eigen::Matrix<T, Eigen::Dynamic, kernels::num_right_sides, Eigen::RowMajor>;
+        Eigen::Map<SideBySide> x(room_for(solved, size_ * kernels::num_right_sides), size_, kernels::num_right_sides);
+        Eigen::MatrixXd result(size_, columns.cols());
+        for (Eigen::Index begin = 0; begin < columns.cols(); begin += kernels::num_right_sides) {
+            const Eigen::Index count = std::min<Eigen::Index>(columns.cols() - begin, kernels::num_right_sides);
+            x.setZero();
+            x.leftCols(count) = columns.middleCols(begin, count).template cast<T>();
+            solve(system.data(), static_cast<int>(size_), width_, inverses.data(), x.data());
+            result.middleCols(begin, count) = x.leftCols(count).template cast<double>();
+        }
+        return result;
+    }
+
+    /// U^-T of the leading n unknowns.
+    template <typename T, typename Invert>
+    Rows<T> set_root(Eigen::Index n, const T* system, AlignedBuffer<T>& root, Invert invert)
+    {
+        const int width = kernels::round_up(static_cast<int>(n), kernels::width_step);
+        invert(system, static_cast<int>(n), width_, room_for(root, n * width), width);
+        return {root.data(), n, n, Eigen::OuterStride<>(width)};
+    }
+
+    /// The same in double precision.
+    Rows<double> inverse_root(Eigen::Index n)
+    {
+        if (kernels_ != nullptr && !is_single_) {
+            return set_root(n, double_.data(), root_, kernels_->invert_factor);
+        }
+        const int width = kernels::round_up(static_cast<int>(n), kernels::width_step);
+        Rows<double> root(room_for(root_, n * width), n, n, Eigen::OuterStride<>(width));
+        if (kernels_ != nullptr) {
+            Rows<double>(root.data(), n, width, Eigen::OuterStride<>(width)).setZero();
+            root = set_root(n, single_.data(), single_root_, kernels_->invert_factor_float).template cast<double>();
         } else if (n > 0) {
             root = cholesky_.matrixLLT().topLeftCorner(n, n).triangularView<Eigen::Lower>().solve(
                 Eigen::MatrixXd::Identity(n, n));
@@ -90,55 +206,16 @@ public:
         return root;
     }
 
-    /// R^T R of that R, lower triangle.
-    [[nodiscard]] Eigen::MatrixXd lower_inverse(Eigen::Index n)
-    {
-        const Root root = inverse_root(n);
-        if (kernels_ == nullptr) {
-            Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, n);
-            inverse.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
-            return inverse;
-        }
-        const int width = padded_size(size_);
-        double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
-        std::fill_n(gram, width * width, 0.0);
-        kernels_->add_lower_gram(root.data(), static_cast<int>(n), width, gram);
-        return Eigen::Map<const Eigen::MatrixXd>(gram, width, width).topLeftCorner(n, n); // its rows are the columns
-    }
-
-private:
-    [[nodiscard]] Eigen::Map<RowMajor> rows() { return {system_.data(), size_, width_}; }
-
-    [[nodiscard]] static int padded_size(Eigen::Index size)
-    {
-        return kernels::round_up(static_cast<int>(size), kernels::double_step);
-    }
-
-    /// U, with U^-T times the columns beside it.
-    void factor_beside(const Eigen::MatrixXd& matrix, double damping, const Eigen::MatrixXd& columns)
-    {
-        is_root_known_ = false;
-        const int n = static_cast<int>(size_);
-        width_ = padded_size(size_) + kernels::round_up(static_cast<int>(columns.cols()), kernels::double_step);
-        double* row = room_for(system_, static_cast<Eigen::Index>(n) * width_);
-        for (int i = 0; i < n; ++i, row += width_) { // the lower triangle's columns are the upper one's rows
-            std::copy(matrix.data() + i * (n + 1), matrix.data() + (i + 1) * n, row + i);
-            std::fill(row + n, row + width_, 0.0);
-            row[i] *= 1 + damping;
-        }
-        rows().rightCols(width_ - padded_size(size_)).leftCols(columns.cols()) = columns;
-        if (!(kernels_->factor_positive(system_.data(), n, width_) > 0)) {
-            rows().setConstant(std::numeric_limits<double>::quiet_NaN());
-        }
-    }
-
     const kernels::Kernels* kernels_;
     Eigen::Index size_ = 0;
     int width_ = 0;
-    AlignedBuffer<double> system_ = {}; ///< U in its upper triangle.
-    bool is_root_known_ = false;
-    AlignedBuffer<double> root_ = {}; ///< U^-T, where known.
-    AlignedBuffer<double> right_side_ = {}, product_ = {}, gram_ = {};
+    bool is_single_ = false;            ///< U is in `single_`.
+    AlignedBuffer<double> double_ = {}; ///< U in its upper triangle.
+    AlignedBuffer<float> single_ = {};
+    AlignedBuffer<double> inverses_ = {}; ///< 1 / U_ii.
+    AlignedBuffer<float> single_inverses_ = {};
+    AlignedBuffer<double> solved_ = {}, root_ = {}, gram_ = {};
+    AlignedBuffer<float> single_solved_ = {}, single_root_ = {};
     Eigen::LLT<Eigen::MatrixXd> cholesky_ = {};
 };
 

@@ -217,6 +217,9 @@ HWY_INLINE void add_columns_to_tile(const float* columns, std::ptrdiff_t step, i
         sums[v] = hn::LoadU(d, out + v * lanes);
     }
     for (int j = 0; j < num_columns; ++j, columns += step) {
+        if (coefficients[j] == 0) {
+            continue;
+        }
         const Vector factor = hn::Set(d, coefficients[j]);
         for (int v = 0; v < num_vectors; ++v) {
             sums[v] = hn::MulAdd(factor, hn::LoadU(d, columns + v * lanes), sums[v]);

@@ -9,8 +9,10 @@
 
 #include <hwy/highway.h>
 
+#include "lineament/kernels/highway_camera_kernels.hpp"
 #include "lineament/kernels/highway_column_kernels.hpp"
 #include "lineament/kernels/highway_double_kernels.hpp"
+#include "lineament/kernels/highway_factor_kernels.hpp"
 
 // An include guard that opens once for each instruction set.
 #if defined(LINEAMENT_KERNELS_HIGHWAY_KERNELS_HPP) == defined(HWY_TARGET_TOGGLE)
@@ -460,13 +462,18 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     nearest_point,
                                     nearest_points,
                                     see_points,
-                                    multiply_double_rows,
-                                    add_double_rows,
+                                    multiply_wide,
+                                    add_wide,
                                     project_points,
+                                    camera_residuals,
+                                    camera_derivatives,
                                     add_lower_gram,
-                                    factor_positive,
-                                    solve_factored,
-                                    invert_factor};
+                                    factor_positive<double>,
+                                    solve_factored<double>,
+                                    invert_factor<double>,
+                                    factor_positive<float>,
+                                    solve_factored<float>,
+                                    invert_factor<float>};
     return &kernels;
 #endif
 }

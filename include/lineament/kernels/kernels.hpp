@@ -16,6 +16,9 @@ inline constexpr int width_step = 16;
 /// That of rows in double precision.
 inline constexpr int double_step = 8;
 
+/// Columns that solve_factored solves for.
+inline constexpr int num_right_sides = 8;
+
 /// Numbers in one block of SparseColumns.
 inline constexpr int block_size = 16;
 
@@ -33,6 +36,16 @@ struct SparseColumns
     const int* offsets;           ///< Of each block, where it begins.
     const std::uint16_t* columns; ///< Of each block in turn, ascending.
     const float* values;          ///< Sixteen of each of these.
+};
+
+/// Sees a point X at centre + scale (P_xy + translation) / (1 + phi P_z) with P = R X.
+struct PerspectiveCamera
+{
+    double turn[9]; ///< R, row by row.
+    double translation[2];
+    double scale;
+    double phi;
+    double centre[2];
 };
 
 [[nodiscard]] constexpr int round_up(int count, int step)
@@ -59,7 +72,8 @@ struct Kernels
     void (*combine_panels_int16)(const float* base, const std::int16_t* panels, int num_panels, int num_columns,
                                  const float* coefficients, float* out);
 
-    /// out[r] += sum_j coefficients[j] columns[j step + r] for r < num_rows, of any alignment.
+    /// out[r] += sum_j coefficients[j] columns[j step + r] for r < num_rows, of any alignment. Most expressions of a
+    /// face are 0: columns that count for nothing are not read.
     void (*add_columns)(const float* columns, std::ptrdiff_t step, int num_rows, int num_columns,
                         const float* coefficients, float* out);
 
@@ -124,34 +138,53 @@ struct Kernels
     /// Points up to a multiple of 8 are read and written; they may begin anywhere.
     void (*see_points)(const float* points, int count, const double* m, double* u, double* v);
 
-    // In double precision; rows have a multiple of double_step doubles.
+    // Rows of single precision, a multiple of double_step floats each, with sums in double precision.
 
     /// out[r] = the product of row r with x.
-    void (*multiply_double_rows)(const double* rows, int num_rows, int width, const double* x, double* out);
+    void (*multiply_wide)(const float* rows, int num_rows, int width, const double* x, double* out);
 
     /// sums[c] += sum_r factors[r] rows[r width + c]
-    void (*add_double_rows)(const double* rows, int num_rows, int width, const double* factors, double* sums);
+    void (*add_wide)(const float* rows, int num_rows, int width, const double* factors, double* sums);
 
     /// The first `width` columns of rows 2i and 2i + 1 of out = J_i times the three rows of point i, J_i 2 x 3 at
     /// jacobians + 6i, in single precision. Rows of `out` have out_width floats; the columns begin at a multiple of
     /// double_step.
-    void (*project_points)(const double* point_rows, int width, int num_points, const double* jacobians, float* out,
+    void (*project_points)(const float* point_rows, int width, int num_points, const double* jacobians, float* out,
                            int out_width);
+
+    // In double precision; rows have a multiple of double_step doubles.
+
+    /// Weighted residuals: residuals[i] and residuals[count + i] are U_i (seen - landmark) of points x0 y0 z0 x1 ...
+    /// and landmarks u0 v0 u1 ..., with U_i = (roots[i], roots[count + i]; 0, roots[2 count + i]). Nothing is read or
+    /// written beyond `count`; any alignment.
+    void (*camera_residuals)(const PerspectiveCamera& camera, const double* points, const double* landmarks,
+                             const double* roots, int count, double* residuals);
+
+    /// Their derivatives, times factors[i], in rows of `count`: by the point (2 x 3), by the camera (2 x 6: turn in its
+    /// axes, log scale, translation), both row by row, by phi (2). The scale moves phi too, and takes the offsets,
+    /// which are parts of the points, along: points stand for others + offset / scale.
+    void (*camera_derivatives)(const PerspectiveCamera& camera, const double* points, const double* offsets,
+                               const double* roots, const double* factors, int count, double* derivatives);
 
     /// gram += L^T L of a lower triangular L with n rows of `width` >= n, upper triangle (more may be written).
     void (*add_lower_gram)(const double* lower, int n, int width, double* gram);
 
     /// Turns the upper triangle of the leading n columns of `system` (n rows), A, into U with A = U^T U, and each
-    /// further column b, up to the width, into U^-T b. What is left of the diagonal is not read, and is spoilt. Returns
-    /// the least pivot relative to A's diagonal: <= 0 or NaN where A is not positive definite to rounding, and then
-    /// `system` is spoilt.
-    double (*factor_positive)(double* system, int n, int width);
+    /// further column b, up to the width, into U^-T b. What is left of the diagonal is not read, and is spoilt.
+    /// inverse_diagonal[i] becomes 1 / U_ii. Returns the least pivot relative to A's diagonal: <= 0 or NaN where A is
+    /// not positive definite to rounding, and then `system` is spoilt.
+    double (*factor_positive)(double* system, int n, int width, double* inverse_diagonal);
 
-    /// x = U^-1 U^-T x for U of factor_positive: solves A x = b.
-    void (*solve_factored)(const double* system, int n, int width, double* x);
+    /// X = U^-1 U^-T X for U of factor_positive: solves A X = B for num_right_sides columns, n rows.
+    void (*solve_factored)(const double* system, int n, int width, const double* inverse_diagonal, double* x);
 
     /// U^-T (n rows of inverse_width >= n, 0 above the diagonal) for U of factor_positive or its leading n rows.
     void (*invert_factor)(const double* system, int n, int width, double* inverse, int inverse_width);
+
+    // The same in single precision; rows have a multiple of width_step floats.
+    float (*factor_positive_float)(float* system, int n, int width, float* inverse_diagonal);
+    void (*solve_factored_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
+    void (*invert_factor_float)(const float* system, int n, int width, float* inverse, int inverse_width);
 };
 
 inline constexpr int num_pose_moments = 18;

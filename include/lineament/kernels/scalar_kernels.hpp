@@ -247,7 +247,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
     }
 }
 
-inline void multiply_double_rows(const double* rows, int num_rows, int width, const double* x, double* out)
+inline void multiply_wide(const float* rows, int num_rows, int width, const double* x, double* out)
 {
     for (int r = 0; r < num_rows; ++r, rows += width) {
         out[r] = 0;
@@ -257,7 +257,7 @@ inline void multiply_double_rows(const double* rows, int num_rows, int width, co
     }
 }
 
-inline void add_double_rows(const double* rows, int num_rows, int width, const double* factors, double* sums)
+inline void add_wide(const float* rows, int num_rows, int width, const double* factors, double* sums)
 {
     for (int r = 0; r < num_rows; ++r, rows += width) {
         for (int c = 0; c < width; ++c) {
@@ -266,7 +266,7 @@ inline void add_double_rows(const double* rows, int num_rows, int width, const d
     }
 }
 
-inline void project_points(const double* point_rows, int width, int num_points, const double* jacobians, float* out,
+inline void project_points(const float* point_rows, int width, int num_points, const double* jacobians, float* out,
                            int out_width)
 {
     for (int i = 0; i < num_points; ++i, point_rows += 3 * width) {
@@ -290,15 +290,16 @@ inline void add_lower_gram(const double* lower, int n, int width, double* gram)
     }
 }
 
-inline double factor_positive(double* system, int n, int width)
+template <typename T>
+T factor_positive(T* system, int n, int width, T* inverse_diagonal)
 {
-    double least = 1;
+    T least = 1;
     for (int i = 0; i < n; ++i) {
-        double* row = system + i * width;
-        const double diagonal = row[i];
+        T* row = system + i * width;
+        const T diagonal = row[i];
         for (int k = 0; k < i; ++k) {
-            const double* above = system + k * width;
-            const double factor = above[i];
+            const T* above = system + k * width;
+            const T factor = above[i];
             for (int c = i; c < width; ++c) {
                 row[c] -= factor * above[c];
             }
@@ -307,7 +308,7 @@ inline double factor_positive(double* system, int n, int width)
             return 0;
         }
         least = std::min(least, row[i] / diagonal);
-        const double inverse = 1 / std::sqrt(row[i]);
+        const T inverse = inverse_diagonal[i] = 1 / std::sqrt(row[i]);
         for (int c = i; c < width; ++c) {
             row[c] *= inverse;
         }
@@ -315,15 +316,73 @@ inline double factor_positive(double* system, int n, int width)
     return least;
 }
 
-inline void invert_factor(const double* system, int n, int width, double* inverse, int inverse_width)
+inline void camera_residuals(const PerspectiveCamera& camera, const double* points, const double* landmarks,
+                             const double* roots, int count, double* residuals)
+{
+    const double* r = camera.turn;
+    for (int i = 0; i < count; ++i, points += 3, landmarks += 2) {
+        double p[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            p[axis] = r[3 * axis] * points[0] + r[3 * axis + 1] * points[1] + r[3 * axis + 2] * points[2];
+        }
+        const double scale = camera.scale / (1 + camera.phi * p[2]);
+        const double du = camera.centre[0] + scale * (p[0] + camera.translation[0]) - landmarks[0];
+        const double dv = camera.centre[1] + scale * (p[1] + camera.translation[1]) - landmarks[1];
+        residuals[i] = roots[i] * du + roots[count + i] * dv;
+        residuals[count + i] = roots[2 * count + i] * dv;
+    }
+}
+
+inline void camera_derivatives(const PerspectiveCamera& camera, const double* points, const double* offsets,
+                               const double* roots, const double* factors, int count, double* derivatives)
+{
+    const double* r = camera.turn;
+    for (int i = 0; i < count; ++i, points += 3, offsets += 3) {
+        double p[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            p[axis] = r[3 * axis] * points[0] + r[3 * axis + 1] * points[1] + r[3 * axis + 2] * points[2];
+        }
+        const double inverse_depth = 1 / (1 + camera.phi * p[2]);
+        const double scale = camera.scale * inverse_depth; // d x / d P = scale (1 0 a; 0 1 b)
+        const double u = inverse_depth * (p[0] + camera.translation[0]);
+        const double v = inverse_depth * (p[1] + camera.translation[1]);
+        const double a = -camera.phi * u, b = -camera.phi * v;
+        double by_point[2][3];
+        double by_offset[2] = {0, 0};
+        for (int c = 0; c < 3; ++c) {
+            by_point[0][c] = r[c] + a * r[6 + c];
+            by_point[1][c] = r[3 + c] + b * r[6 + c];
+            by_offset[0] += by_point[0][c] * offsets[c];
+            by_offset[1] += by_point[1][c] * offsets[c];
+        }
+        const double by_camera[2][6] = {{a * p[1], p[2] - a * p[0], -p[1], u - by_offset[0], 1, 0},
+                                        {b * p[1] - p[2], -b * p[0], p[0], v - by_offset[1], 0, 1}};
+        const double by_phi[2] = {-p[2] * u, -p[2] * v};
+        const double g = factors[i] * scale;
+        const auto store_pair = [&](double first, double second, int row, int next_row) {
+            derivatives[row * count + i] = g * (roots[i] * first + roots[count + i] * second);
+            derivatives[next_row * count + i] = g * roots[2 * count + i] * second;
+        };
+        for (int c = 0; c < 3; ++c) {
+            store_pair(by_point[0][c], by_point[1][c], c, 3 + c);
+        }
+        for (int c = 0; c < 6; ++c) {
+            store_pair(by_camera[0][c], by_camera[1][c], 6 + c, 12 + c);
+        }
+        store_pair(by_phi[0], by_phi[1], 18, 19);
+    }
+}
+
+template <typename T>
+void invert_factor(const T* system, int n, int width, T* inverse, int inverse_width)
 {
     for (int i = 0; i < n; ++i) {
-        double* row = inverse + i * inverse_width;
-        std::fill_n(row, inverse_width, 0.0);
+        T* row = inverse + i * inverse_width;
+        std::fill_n(row, inverse_width, T(0));
         row[i] = 1;
         for (int k = 0; k < i; ++k) {
-            const double* above = inverse + k * inverse_width;
-            const double factor = system[k * width + i];
+            const T* above = inverse + k * inverse_width;
+            const T factor = system[k * width + i];
             for (int c = 0; c <= k; ++c) {
                 row[c] -= factor * above[c];
             }
@@ -334,21 +393,22 @@ inline void invert_factor(const double* system, int n, int width, double* invers
     }
 }
 
-inline void solve_factored(const double* system, int n, int width, double* x)
+template <typename T>
+void solve_factored(const T* system, int n, int width, const T* inverse_diagonal, T* x)
 {
-    for (int i = 0; i < n; ++i) {
-        const double* row = system + i * width;
-        x[i] /= row[i];
-        for (int c = i + 1; c < n; ++c) {
-            x[c] -= row[c] * x[i];
+    for (T* const end = x + num_right_sides; x != end; ++x) {
+        for (int i = 0; i < n; ++i) {
+            for (int k = 0; k < i; ++k) {
+                x[i * num_right_sides] -= system[k * width + i] * x[k * num_right_sides];
+            }
+            x[i * num_right_sides] *= inverse_diagonal[i];
         }
-    }
-    for (int i = n - 1; i >= 0; --i) {
-        const double* row = system + i * width;
-        for (int c = i + 1; c < n; ++c) {
-            x[i] -= row[c] * x[c];
+        for (int i = n - 1; i >= 0; --i) {
+            for (int c = i + 1; c < n; ++c) {
+                x[i * num_right_sides] -= system[i * width + c] * x[c * num_right_sides];
+            }
+            x[i * num_right_sides] *= inverse_diagonal[i];
         }
-        x[i] /= row[i];
     }
 }
 
@@ -378,13 +438,18 @@ namespace lineament::kernels {
                                       scalar::nearest_point,
                                       scalar::nearest_points,
                                       scalar::see_points,
-                                      scalar::multiply_double_rows,
-                                      scalar::add_double_rows,
+                                      scalar::multiply_wide,
+                                      scalar::add_wide,
                                       scalar::project_points,
+                                      scalar::camera_residuals,
+                                      scalar::camera_derivatives,
                                       scalar::add_lower_gram,
-                                      scalar::factor_positive,
-                                      scalar::solve_factored,
-                                      scalar::invert_factor};
+                                      scalar::factor_positive<double>,
+                                      scalar::solve_factored<double>,
+                                      scalar::invert_factor<double>,
+                                      scalar::factor_positive<float>,
+                                      scalar::solve_factored<float>,
+                                      scalar::invert_factor<float>};
     return table;
 }
 
