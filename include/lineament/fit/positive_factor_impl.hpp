@@ -84,11 +84,9 @@ public:
         Eigen::Map<RowMajor<double>> beside_block(double_.data(), size_, width_);
         if (kernels_ == nullptr) {
             factor(beside_block.leftCols(size_).transpose());
-            return cholesky_.matrixL()
-                .solve(beside_block.middleCols(width, num_others))
-                .colwise()
-                .squaredNorm()
-                .transpose();
+            const Eigen::MatrixXd beside = beside_block.middleCols(width, num_others);
+            return others.empty() ? Eigen::VectorXd()
+                                  : Eigen::VectorXd(cholesky_.matrixL().solve(beside).colwise().squaredNorm());
         }
         factor_double();
         return beside_block.middleCols(width, num_others).colwise().squaredNorm().transpose();
