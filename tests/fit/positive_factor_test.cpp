@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 namespace lineament {
@@ -50,11 +51,15 @@ TEST(PositiveFactor, SolvesAndInvertsWhateverItHeldBefore)
             damped.diagonal() *= 1.5;
             EXPECT_THAT(factor.solve(b), IsNear(Eigen::MatrixXd(damped.inverse() * b), rounding));
         }
-        Eigen::MatrixXd indefinite = Eigen::MatrixXd::Identity(6, 6);
-        indefinite(3, 3) = -1;
-        factor.factor(indefinite);
-        EXPECT_TRUE(factor.solve(Eigen::MatrixXd::Ones(6, 1)).hasNaN());
-        EXPECT_TRUE(factor.inverse(6).hasNaN());
+        for (const int n : {6, 1}) {
+            Eigen::MatrixXd indefinite = Eigen::MatrixXd::Identity(n, n);
+            factor.factor(indefinite);
+            indefinite(n / 2, n / 2) = -1;
+            factor.factor(indefinite);
+            EXPECT_TRUE(factor.solve(Eigen::MatrixXd::Ones(n, 1)).hasNaN()) << n;
+            EXPECT_TRUE(factor.inverse(n).hasNaN()) << n;
+            EXPECT_TRUE(std::isnan(factor.inverse_trace(n, n, {}))) << n;
+        }
     }
 }
 
@@ -91,13 +96,16 @@ TEST(PositiveFactor, FactorsABlockInDoublePrecision)
 
 TEST(PositiveFactor, WhatIsNotPositiveDefiniteToSinglePrecisionIsSolvedInDouble)
 {
-    Eigen::MatrixXd matrix = Eigen::MatrixXd::Constant(4, 4, 1e9);
-    matrix.diagonal().array() += 1.0;
-    const Eigen::MatrixXd b = Eigen::Vector4d(1, 2, -3, 5);
-    for (const kernels::Kernels* set : kernels::supported_kernels()) {
-        detail::PositiveFactor factor(set);
-        factor.factor(matrix);
-        EXPECT_THAT(Eigen::MatrixXd(matrix * factor.solve(b)), IsNear(b, 1e-5)) << set->name;
+    for (const double large : {1e6, 1e9}) { // the first is to rounding only
+        Eigen::MatrixXd matrix = Eigen::MatrixXd::Constant(4, 4, large);
+        matrix.diagonal().array() += 1.0;
+        const Eigen::MatrixXd b = Eigen::Vector4d(1, 2, -3, 5);
+        for (const kernels::Kernels* set : kernels::supported_kernels()) {
+            detail::PositiveFactor factor(set);
+            factor.factor(matrix);
+            EXPECT_THAT(Eigen::MatrixXd(matrix * factor.solve(b)), IsNear(b, 1e-5)) << set->name;
+            EXPECT_NEAR(factor.inverse_trace(4, 4, {}), 3 + 1 / (1 + 4 * large), 1e-5) << set->name;
+        }
     }
 }
 

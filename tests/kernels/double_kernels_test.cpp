@@ -60,7 +60,7 @@ INSTANTIATE_TEST_SUITE_P(Sets, DoubleKernelsTest, ::testing::ValuesIn(supported_
 
 TEST_P(DoubleKernelsTest, MultipliesRowsAndTheirTranspose)
 {
-    for (const int width : {8, 40, 72}) {
+    for (const int width : {0, 8, 40, 72}) {
         for (const int num_rows : {0, 1, 7, 24}) {
             const AlignedBuffer<float> rows = random_floats(random, static_cast<std::size_t>(num_rows) * width);
             const AlignedBuffer<double> x = random_doubles(random, width);

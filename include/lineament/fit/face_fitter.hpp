@@ -121,7 +121,7 @@ public:
 
     /// The point at `fraction` from one vertex to another.
     /// @param mean        3.
-    /// @param identity    m x 3, as in ModelPoints.
+    /// @param identity    m x 3, as in PackedPoints.
     /// @param expression  k x 3.
     void point_between(int vertex, int next_vertex, double fraction, Eigen::Ref<Eigen::Vector3d> mean,
                        Eigen::Ref<Eigen::MatrixX3f> identity, Eigen::Ref<Eigen::MatrixX3f> expression) const;

@@ -93,7 +93,7 @@ struct JointFramesResult
     FitStatus status = FitStatus::too_few_correspondences;
     std::string reason = {};
     Eigen::VectorXd shape_coefficients = {}; ///< m, shared by all images.
-    Eigen::MatrixXd shape_covariance = {};   ///< m x m; empty without a usable image.
+    Eigen::MatrixXd shape_covariance = {};   ///< m x m; empty without a usable image or a finite fit.
     std::vector<JointFitResult> frames = {}; ///< In the order given; one without a pose keeps its own status.
     int num_used_frames = 0;                 ///< With a usable pose; the others do not touch the identity.
     Eigen::Matrix3Xd landmark_bias_mm = {};  ///< 3 x L, in the landmark map's order, model space; zero for one image.
@@ -115,11 +115,10 @@ struct JointFramesResult
 class JointFitter
 {
 public:
-    /// @param kernels  For all products with the model's rows and for factors and solutions of the steps' matrices;
-    /// they
-    ///                 must outlive this. nullptr: by Eigen, with the instructions of the caller's flags. The matrices
-    ///                 are then summed in single precision, the gradient is not: the faces differ by less than the
-    ///                 tolerance, standard deviations by some 1e-4 at a noise of 2 mm, 1e-2 at 0.3 mm.
+    /// @param kernels  For points, products with the model's rows and the steps; they must outlive this. nullptr: by
+    ///                 Eigen in double precision, with the instructions of the caller's flags. By kernels the matrices
+    ///                 are summed, and steps solved, in single precision, the gradient is not: the faces differ by less
+    ///                 than the tolerance, standard deviations by some 1e-4 at a noise of 2 mm, 1e-2 at 0.3 mm.
     /// @throws InvalidArgument as FaceFitter.
     explicit JointFitter(MorphableModel model, std::string scheme = "ibug68", JointOptions options = {},
                          const kernels::Kernels* kernels = nullptr);

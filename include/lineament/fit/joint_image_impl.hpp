@@ -8,7 +8,6 @@
 #include "lineament/fit/contour_support_impl.hpp"
 #include "lineament/fit/inline.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include <algorithm>

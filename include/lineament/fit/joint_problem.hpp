@@ -132,9 +132,9 @@ public:
     Eigen::Matrix3Xd bias_variances_mm = {}; ///< 3 x L, where there are biases, along x, y, z of model space [mm^2].
     double reference_scale = 1.0;            ///< phi of the shared focal length is that of an image of this scale.
     bool moves_expressions_only = false;     ///< Everything else is held.
-    const kernels::Kernels* kernels =
-        nullptr; ///< For J^T W J and what biases take off it, in single precision, and all
-                 ///< products with the model's rows; nullptr: by Eigen in double precision.
+    /// For residuals and derivatives of points, products with the model's rows, and, in single precision, J^T W J and
+    /// what biases take off it; nullptr: by Eigen in double precision. The model's rows are in single precision.
+    const kernels::Kernels* kernels = nullptr;
 
     [[nodiscard]] Eigen::Index num_shape() const { return prior_.vector.size(); }
     [[nodiscard]] Eigen::Index num_shared() const { return num_shape() + has_phi(); }

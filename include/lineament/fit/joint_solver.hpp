@@ -16,6 +16,13 @@ namespace lineament::detail {
 /// The block of those rows and columns, ascending, of a lower triangle.
 [[nodiscard]] Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices);
 
+/// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
+/// again. With H x = b and C the columns of H^-1 that belong to the held ones K, the rest's solution is
+/// x - C C_KK^-1 (x_K - bounds). Not a number where the matrix is not positive definite.
+/// @param factor  Of the system's matrix with this damping.
+[[nodiscard]] Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor,
+                                           const Eigen::VectorXd& down, const Eigen::VectorXd& up);
+
 /// Sets n_f of every image, half the derivative of log det Lambda by its log s: its share in the effective number of
 /// shape coefficients that the landmarks determine.                                      docs/joint-fit.md, Eq. (14)
 /// @param factor  Of the system's matrix.

@@ -11,7 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -31,11 +31,7 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
     return block;
 }
 
-/// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
-/// again. With H x = b and C the columns of H^-1 that belong to the held ones K, the rest's solution is
-/// x - C C_KK^-1 (x_K - bounds).
-/// @param factor  Of the system's matrix with this damping.
-[[nodiscard]] inline Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor,
+LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor,
                                                   const Eigen::VectorXd& down, const Eigen::VectorXd& up)
 {
     Eigen::VectorXd step = Eigen::VectorXd::Zero(system.gradient.size());
@@ -71,7 +67,12 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
         columns.rightCols(num_new) = factor.solve(units);
         const Eigen::Map<const Eigen::VectorXd> goals(bounds.data(), num_held);
         const Eigen::MatrixXd of_held = columns(held, Eigen::all); // C_KK
-        solved = free - columns * of_held.llt().solve(free(held) - goals);
+        const Eigen::LLT<Eigen::MatrixXd> cholesky(of_held);
+        if (cholesky.info() != Eigen::Success) {
+            solved.setConstant(std::numeric_limits<double>::quiet_NaN()); // no step; more damping makes one
+            break;
+        }
+        solved = free - columns * cholesky.solve(free(held) - goals);
         solved(held) = goals;
     }
     step(system.unknowns) = solved;
@@ -185,11 +186,12 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             problem.place(next, next_placed);
             const double next_energy = problem.energy(next, next_placed);
             const double decrease = -system.gradient.dot(step);
-            const double rate = iteration == 0 ? 1.0 : std::clamp(decrease / last_decrease, 0.01, 1.0);
+            const double rate = last_decrease > 0 ? std::clamp(decrease / last_decrease, 0.01, 1.0) : 1.0;
             // What rounding hides in the energy is settled too.
-            progress.has_settled = damping <= 1 && rate * decrease <= std::max(limits.tolerance * limits.tolerance,
-                                                                               1e-14 * (1 + std::abs(energy)));
+            const double limit = std::max(limits.tolerance * limits.tolerance, 1e-14 * (1 + std::abs(energy)));
+            const bool is_certain = damping <= 1;
             if (next_energy < energy) {
+                progress.has_settled = is_certain && rate * std::abs(decrease) <= limit;
                 state = std::move(next);
                 placed.swap(next_placed);
                 energy = next_energy;
@@ -201,6 +203,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
                 damping = damping < 1e-4 ? 0 : 0.1 * damping;
                 break;
             }
+            progress.has_settled = is_certain && std::abs(decrease) <= limit;
             if (progress.has_settled || damping > 1e9) {
                 return;
             }

@@ -10,7 +10,7 @@
 
 namespace lineament {
 
-/// Equation (1) at N points of a model, packed in double precision: all that the solvers touch.
+/// Equation (1) at N points of a model, packed in double precision.
 ///
 ///   S_i(a, psi) = mean_i + B_i a + D_i psi                                                 docs/maths.md, Eq. (1)
 ///

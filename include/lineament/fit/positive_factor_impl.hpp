@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -39,7 +40,7 @@ public:
         width_ = kernels::round_up(static_cast<int>(size_), kernels::width_step);
         float* system = set_upper(matrix, damping, single_);
         is_single_ = kernels_->factor_positive_float(system, static_cast<int>(size_), width_,
-                                                     room_for(single_inverses_, size_)) > 0;
+                                                     room_for(single_inverses_, size_)) > least_pivot;
         if (!is_single_) {
             width_ = kernels::round_up(static_cast<int>(size_), kernels::double_step);
             set_upper(matrix, damping, double_);
@@ -131,6 +132,9 @@ public:
     }
 
 private:
+    /// Below this share of its diagonal a pivot may be rounding.
+    static constexpr float least_pivot = 1e-5f;
+
     template <typename T>
     using RowMajor = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     template <typename T>
@@ -157,6 +161,7 @@ private:
         if (!(kernels_->factor_positive(double_.data(), static_cast<int>(size_), width_, room_for(inverses_, size_)) >
               0)) {
             std::fill_n(double_.data(), size_ * width_, std::numeric_limits<double>::quiet_NaN());
+            std::fill_n(inverses_.data(), size_, std::numeric_limits<double>::quiet_NaN());
         }
     }
 

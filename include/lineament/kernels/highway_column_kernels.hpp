@@ -242,7 +242,7 @@ inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows,
         add_columns_to_tile<1>(columns + r, step, num_columns, coefficients, out + r);
     }
     for (int j = 0; j < num_columns; ++j) {
-        for (int rest = r; rest < num_rows; ++rest) {
+        for (int rest = r; rest < num_rows && coefficients[j] != 0; ++rest) {
             out[rest] += coefficients[j] * columns[j * step + rest];
         }
     }

@@ -32,7 +32,7 @@ inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows,
                         const float* coefficients, float* out)
 {
     for (int j = 0; j < num_columns; ++j, columns += step) {
-        for (int r = 0; r < num_rows; ++r) {
+        for (int r = 0; r < num_rows && coefficients[j] != 0; ++r) {
             out[r] += coefficients[j] * columns[r];
         }
     }

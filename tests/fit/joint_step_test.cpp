@@ -1,0 +1,105 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The bounded step of a joint fit, against the plain way to take it: fix what leaves its bounds, solve the rest anew.
+#include "lineament/core/random.hpp"
+#include "lineament/fit/joint_solver.hpp"
+#include "lineament/kernels/dispatched_kernels.hpp"
+
+#include "support/matchers.hpp"
+#include "support/synthetic_face.hpp"
+
+#include <Eigen/Cholesky>
+
+#include <limits>
+#include <numeric>
+#include <vector>
+
+namespace lineament {
+namespace {
+
+using test::IsNear;
+
+detail::JointSystem random_system(Random& random, int size)
+{
+    detail::JointSystem system;
+    const Eigen::MatrixXd rows = test::random_normal(random, 2 * size * size).reshaped(2 * size, size);
+    system.hessian = rows.transpose() * rows + Eigen::MatrixXd::Identity(size, size);
+    system.gradient = system.hessian * test::random_normal(random, size);
+    system.unknowns.resize(static_cast<std::size_t>(size));
+    std::iota(system.unknowns.begin(), system.unknowns.end(), 0);
+    return system;
+}
+
+/// @return How often it was solved.
+int plain_step(const detail::JointSystem& system, const Eigen::VectorXd& down, const Eigen::VectorXd& up,
+               Eigen::VectorXd& step)
+{
+    std::vector<int> free = system.unknowns;
+    step.setZero(system.gradient.size());
+    for (int count = 1;; ++count) {
+        const Eigen::VectorXd right_side = -system.gradient - system.hessian * step;
+        const Eigen::VectorXd solved =
+            Eigen::MatrixXd(system.hessian(free, free)).llt().solve(Eigen::VectorXd(right_side(free)));
+        std::vector<int> inside;
+        for (std::size_t i = 0; i < free.size(); ++i) {
+            const double goal = solved[static_cast<Eigen::Index>(i)];
+            if (goal >= down[free[i]] && goal <= up[free[i]]) {
+                inside.push_back(free[i]);
+            } else {
+                step[free[i]] = goal < down[free[i]] ? down[free[i]] : up[free[i]];
+            }
+        }
+        if (inside.size() == free.size()) {
+            step(free) = solved;
+            return count;
+        }
+        if (inside.empty()) {
+            return count;
+        }
+        free = inside;
+    }
+}
+
+TEST(JointStep, IsThatOfFixingAndSolvingAnew)
+{
+    std::vector<const kernels::Kernels*> sets = kernels::supported_kernels();
+    sets.push_back(nullptr);
+    for (const kernels::Kernels* set : sets) {
+        SCOPED_TRACE(set != nullptr ? set->name : "Eigen");
+        Random random(831);
+        detail::PositiveFactor factor(set);
+        int most = 0;
+        for (const double room : {0.0, 0.3, 1.0, 5.0}) { // all held, many, few, none
+            for (int trial = 0; trial < 10; ++trial) {
+                const int size = 20;
+                const detail::JointSystem system = random_system(random, size);
+                const Eigen::VectorXd down = -room * test::random_uniform(random, size, 0.5, 1.0);
+                const Eigen::VectorXd up = room * test::random_uniform(random, size, 0.5, 1.0);
+                factor.factor(system.hessian);
+                Eigen::VectorXd expected;
+                most = std::max(most, plain_step(system, down, up, expected));
+                EXPECT_THAT(detail::bounded_step(system, factor, down, up),
+                            IsNear(expected, set != nullptr ? 1e-3 : 1e-9));
+            }
+        }
+        EXPECT_GE(most, 3); // more is held by what the first ones push
+    }
+}
+
+TEST(JointStep, OfAMatrixThatIsNotPositiveDefiniteIsNotANumber)
+{
+    Random random(832);
+    for (const kernels::Kernels* set :
+         {static_cast<const kernels::Kernels*>(nullptr), &kernels::dispatched_kernels()}) {
+        detail::JointSystem system = random_system(random, 6);
+        system.hessian(2, 2) = -1;
+        detail::PositiveFactor factor(set);
+        factor.factor(system.hessian);
+        const Eigen::VectorXd room = Eigen::VectorXd::Constant(6, std::numeric_limits<double>::infinity());
+        EXPECT_FALSE(detail::bounded_step(system, factor, -room, room).allFinite());
+    }
+}
+
+} // namespace
+} // namespace lineament
