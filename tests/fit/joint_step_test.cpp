@@ -79,7 +79,7 @@ TEST(JointStep, IsThatOfFixingAndSolvingAnew)
                 factor.factor(system.hessian);
                 Eigen::VectorXd expected;
                 most = std::max(most, plain_step(system, down, up, expected));
-                EXPECT_THAT(detail::bounded_step(system, factor, down, up),
+                EXPECT_THAT(detail::bounded_step(system, system.gradient, factor, down, up),
                             IsNear(expected, set != nullptr ? 1e-3 : 1e-9));
             }
         }
@@ -97,7 +97,7 @@ TEST(JointStep, OfAMatrixThatIsNotPositiveDefiniteIsNotANumber)
         detail::PositiveFactor factor(set);
         factor.factor(system.hessian);
         const Eigen::VectorXd room = Eigen::VectorXd::Constant(6, std::numeric_limits<double>::infinity());
-        EXPECT_FALSE(detail::bounded_step(system, factor, -room, room).allFinite());
+        EXPECT_FALSE(detail::bounded_step(system, system.gradient, factor, -room, room).allFinite());
     }
 }
 

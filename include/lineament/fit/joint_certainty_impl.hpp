@@ -23,7 +23,7 @@ namespace lineament::detail {
 struct JointCertainty
 {
     std::vector<int> free = {};      ///< Ascending; the others are held at a bound.
-    Eigen::MatrixXd inverse = {};    ///< The covariance of those.
+    PositiveFactor::Square inverse;  ///< The covariance of those, in memory of the factor.
     Eigen::VectorXd deviations = {}; ///< K, standard deviations, each as if it were free.
 
     [[nodiscard]] bool is_finite() const { return deviations.allFinite(); }
@@ -62,20 +62,17 @@ struct JointCertainty
 /// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
 /// unknown k that is held.
 /// @param system  With the matrix of all unknowns.
-/// @param factor  Kept for its room.
+/// @param factor  Its memory holds the answer.
 [[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
                                                  const JointSystem& system, PositiveFactor& factor)
 {
-    JointCertainty certainty;
-    std::vector<int>& free = certainty.free;
-    free = problem.free_unknowns(state, system.gradient);
+    const std::vector<int> free = problem.free_unknowns(state, system.gradient);
     std::vector<int> held;
     std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
                         std::back_inserter(held));
     const Eigen::Index num_free = static_cast<Eigen::Index>(free.size());
     const Eigen::VectorXd explained = factor.factor_block(system.hessian, free, held);
-    certainty.inverse = factor.inverse(num_free);
-    certainty.deviations.resize(system.hessian.rows());
+    JointCertainty certainty{free, factor.inverse(num_free), Eigen::VectorXd(system.hessian.rows())};
     for (Eigen::Index i = 0; i < num_free; ++i) {
         certainty.deviations[free[i]] = std::sqrt(certainty.inverse(i, i));
     }

@@ -59,7 +59,8 @@ private:
     /// Of the one image, linearised there.
     void set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
                        double matched_scale, double scale_strength);
-    void linearize(); ///< At the state, with its points placed.
+    void linearize();                              ///< At the state, with its points placed.
+    [[nodiscard]] JointCertainty find_certainty(); ///< At the state, where its points are placed.
     void match();
     void turn_by_depth(std::size_t used_index);
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
@@ -417,6 +418,20 @@ inline void JointFit::linearize()
     problem_.linearize(state_, scratch_.placed, scratch_.system);
 }
 
+inline JointCertainty JointFit::find_certainty()
+{
+    problem_.linearize(state_, scratch_.placed, scratch_.system);
+    const JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
+    if (problem_.kernels == nullptr || certainty.is_finite()) {
+        return certainty;
+    }
+    // The matrix is not positive definite to single precision.
+    const kernels::Kernels* const kernels = std::exchange(problem_.kernels, nullptr);
+    linearize();
+    problem_.kernels = kernels;
+    return certainty_of(problem_, state_, scratch_.system, scratch_.factor);
+}
+
 inline JointFramesResult JointFit::result()
 {
     JointFramesResult result;
@@ -433,15 +448,7 @@ inline JointFramesResult JointFit::result()
     if (state_.bias.size() > 0) {
         result.landmark_bias_mm = state_.bias;
     }
-    problem_.linearize(state_, scratch_.placed, scratch_.system);
-    JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
-    if (problem_.kernels != nullptr && !certainty.is_finite()) {
-        // The matrix is not positive definite to single precision.
-        const kernels::Kernels* const kernels = std::exchange(problem_.kernels, nullptr);
-        linearize();
-        certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
-        problem_.kernels = kernels;
-    }
+    const JointCertainty certainty = find_certainty();
     const Eigen::Index num_shape = problem_.num_shape();
     const Eigen::Index num_expressions = problem_.num_own() - 6;
     std::vector<int> face(static_cast<std::size_t>(num_shape + num_expressions)); // alpha and one image's psi

@@ -19,9 +19,22 @@ namespace lineament::detail {
 /// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
 /// again. With H x = b and C the columns of H^-1 that belong to the held ones K, the rest's solution is
 /// x - C C_KK^-1 (x_K - bounds). Not a number where the matrix is not positive definite.
-/// @param factor  Of the system's matrix with this damping.
-[[nodiscard]] Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor,
-                                           const Eigen::VectorXd& down, const Eigen::VectorXd& up);
+/// @param gradient  In place of the system's.
+/// @param factor    Of the system's matrix with this damping.
+[[nodiscard]] Eigen::VectorXd bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient,
+                                           PositiveFactor& factor, const Eigen::VectorXd& down,
+                                           const Eigen::VectorXd& up);
+
+struct StepTaken
+{
+    Eigen::VectorXd step = {};
+    Eigen::VectorXd gradient = {}; ///< Before it.
+};
+
+/// The same with a kept matrix, which the gradient's change over the last step has set right along that (BFGS with one
+/// pair; Nocedal, Updating quasi-Newton matrices with limited storage, 1980), unless that leaves the bounds.
+[[nodiscard]] Eigen::VectorXd informed_step(const JointSystem& system, const StepTaken& last, PositiveFactor& factor,
+                                            const Eigen::VectorXd& down, const Eigen::VectorXd& up);
 
 /// Sets n_f of every image, half the derivative of log det Lambda by its log s: its share in the effective number of
 /// shape coefficients that the landmarks determine.                                      docs/joint-fit.md, Eq. (14)

@@ -31,15 +31,16 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
     return block;
 }
 
-LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, PositiveFactor& factor,
-                                                  const Eigen::VectorXd& down, const Eigen::VectorXd& up)
+LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient,
+                                                  PositiveFactor& factor, const Eigen::VectorXd& down,
+                                                  const Eigen::VectorXd& up)
 {
-    Eigen::VectorXd step = Eigen::VectorXd::Zero(system.gradient.size());
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(gradient.size());
     const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
     if (size == 0) {
         return step;
     }
-    const Eigen::VectorXd free = factor.solve(-system.gradient(system.unknowns)); // of bounds
+    const Eigen::VectorXd free = factor.solve(-gradient(system.unknowns)); // of bounds
     Eigen::VectorXd solved = free;
     std::vector<bool> is_held(system.unknowns.size(), false);
     std::vector<Eigen::Index> held; // K, positions among the unknowns
@@ -77,6 +78,23 @@ LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, Pos
     }
     step(system.unknowns) = solved;
     return step;
+}
+
+LINEAMENT_FIT_INLINE Eigen::VectorXd informed_step(const JointSystem& system, const StepTaken& last,
+                                                   PositiveFactor& factor, const Eigen::VectorXd& down,
+                                                   const Eigen::VectorXd& up)
+{
+    const Eigen::VectorXd change = system.gradient - last.gradient; // y
+    const double curvature = last.step.dot(change);                 // s^T y
+    if (curvature > 0) {
+        const double along = last.step.dot(system.gradient) / curvature;
+        Eigen::VectorXd step = bounded_step(system, system.gradient - along * change, factor, down, up);
+        step -= (along + change.dot(step) / curvature) * last.step;
+        if ((step.array() >= down.array() && step.array() <= up.array()).all()) {
+            return step;
+        }
+    }
+    return bounded_step(system, system.gradient, factor, down, up);
 }
 
 inline void set_scale_strength(JointProblem& problem, std::size_t image, double strength, JointSystem& system)
@@ -163,6 +181,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
     double damping = 0;
     double energy = 0;
     double last_decrease = 0;
+    StepTaken last;
     auto& [system, factor, placed, next_placed, down, up, keeps_matrix] = scratch;
     problem.place(state, placed);
     for (int iteration = 0; iteration < limits.max_iterations && !progress.has_settled; ++iteration) {
@@ -181,7 +200,9 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
         }
         problem.room(state, down, up);
         while (true) {
-            const Eigen::VectorXd step = bounded_step(system, factor, down, up);
+            const Eigen::VectorXd step = keeps_matrix && iteration > 0
+                                             ? informed_step(system, last, factor, down, up)
+                                             : bounded_step(system, system.gradient, factor, down, up);
             JointState next = problem.moved(state, system, step, damping);
             problem.place(next, next_placed);
             const double next_energy = problem.energy(next, next_placed);
@@ -200,6 +221,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
                 keeps_matrix = damping == 0 && decrease <= short_decrease &&
                                !(keeps_matrix && iteration > 0 && decrease > 0.1 * last_decrease);
                 last_decrease = decrease;
+                last = {step, system.gradient};
                 damping = damping < 1e-4 ? 0 : 0.1 * damping;
                 break;
             }

@@ -18,6 +18,8 @@ namespace lineament::detail {
 class PositiveFactor
 {
 public:
+    using Square = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+
     explicit PositiveFactor(const kernels::Kernels* kernels) : kernels_(kernels) {}
 
     /// By kernels in single precision, unless the matrix is not positive definite to that.
@@ -70,10 +72,15 @@ public:
         const Eigen::Index num_others = static_cast<Eigen::Index>(others.size());
         const int width = kernels::round_up(static_cast<int>(size_), kernels::double_step);
         width_ = width + kernels::round_up(static_cast<int>(num_others), kernels::double_step);
+        std::size_t num_same = 0; // the first, which are the matrix's first
+        while (num_same < block.size() && block[num_same] == static_cast<int>(num_same)) {
+            ++num_same;
+        }
         double* row = room_for(double_, size_ * width_);
         for (std::size_t i = 0; i < block.size(); ++i, row += width_) { // the upper triangle's rows
             const double* column = matrix.data() + matrix.rows() * block[i];
-            for (std::size_t j = i; j < block.size(); ++j) {
+            std::copy(column + std::min(i, num_same), column + num_same, row + std::min(i, num_same));
+            for (std::size_t j = std::max(i, num_same); j < block.size(); ++j) {
                 row[j] = column[block[j]];
             }
             std::fill(row + size_, row + width_, 0.0);
@@ -108,12 +115,14 @@ public:
         return trace(inverse_root(n).leftCols(count));
     }
 
-    /// The inverse of the leading n unknowns' block.
-    [[nodiscard]] Eigen::MatrixXd inverse(Eigen::Index n)
+    /// The inverse of the leading n unknowns' block, in memory of the factor, which the next one takes.
+    [[nodiscard]] Square inverse(Eigen::Index n)
     {
         const auto root = inverse_root(n);
         if (kernels_ == nullptr) {
-            return root.transpose() * root;
+            Square inverse(room_for(gram_, n * n), n, n, Eigen::OuterStride<>(n));
+            inverse = root.transpose() * root;
+            return inverse;
         }
         const int width = static_cast<int>(root.outerStride());
         double* gram = room_for(gram_, static_cast<Eigen::Index>(width) * width);
@@ -128,7 +137,7 @@ public:
                 inverse.block<step, step>(j, i) = inverse.block<step, step>(i, j).transpose();
             }
         }
-        return inverse.topLeftCorner(n, n);
+        return {gram, n, n, Eigen::OuterStride<>(width)};
     }
 
 private:
