@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// RealtimeFitter: whole fits, tracking steps and meshes, and (kernel_parts.cpp) its single kernels, for each
-// instruction set of this machine, beside a calibration kernel (multiply-adds over 4 MB). With "agreement" it checks
-// instead that both paths agree. Of a part SET/NAME there may be
+// RealtimeFitter: whole fits, tracking steps and meshes, whole fits of JointFitter, and (kernel_parts.cpp) single
+// kernels, for each instruction set of this machine, beside a calibration kernel (multiply-adds over 4 MB). With
+// "agreement" it checks instead that both paths agree. Of a part SET/NAME there may be
 //   reference/NAME  the same by the double precision path,
 //   SET/limit/NAME  the time that the machine needs at least, measured: as many bytes read once and in order, with one
 //                   multiply-add for each number, or as many multiply-adds in registers; its label says which.
@@ -12,6 +12,7 @@
 #include "calibration.hpp"
 #include "kernel_parts.hpp"
 
+#include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/realtime_fitter.hpp"
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
@@ -135,6 +136,24 @@ void whole_fit(benchmark::State& state, const Kernels& kernels, FitOptions optio
     state.SetItemsProcessed(state.iterations());
     state.counters["reference_solves"] = static_cast<double>(workspace.num_reference_solves());
     state.counters["reference_fits"] = static_cast<double>(workspace.num_reference_fits());
+}
+
+void joint_fit(benchmark::State& state, const Kernels& kernels, ContourMode mode, const std::string& expression_set,
+               int yaw_deg, Mesh mesh)
+{
+    JointOptions options;
+    options.contour = mode;
+    options.expression_set = expression_set;
+    const JointFitter fitter(face_model(), "ibug68", options, &kernels);
+    const std::vector<LandmarkSet>& sets = faces(yaw_deg);
+    std::size_t next = 0;
+    for (auto _ : state) {
+        const JointFitResult result = fitter.fit(sets[next++ % sets.size()], centre);
+        benchmark::DoNotOptimize(result.fit.rms_px);
+        if (mesh != Mesh::none) {
+            benchmark::DoNotOptimize(shape_of(fitter.model(), result.fit, &kernels).data());
+        }
+    }
 }
 
 /// One face moving by little from frame to frame: 64 frames there, then from the start again.
@@ -417,6 +436,15 @@ void register_parts(const Kernels& kernels)
     add_fit("front", ContourMode::front_facing, "ekman6", -1);
     add_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
     add_fit("both_yaw30", ContourMode::both, "ekman6", 30);
+    const auto add_joint_fit = [&](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
+        for (const Mesh mesh : {Mesh::none, Mesh::float32}) {
+            add(prefix + "joint_" + name + suffix_of(mesh),
+                [=, &kernels](benchmark::State& s) { joint_fit(s, kernels, mode, expressions, yaw_deg, mesh); });
+        }
+    };
+    add_joint_fit("front", ContourMode::front_facing, "ekman6", -1);
+    add_joint_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
+    add_joint_fit("both_yaw30", ContourMode::both, "ekman6", 30);
     add(prefix + "batch",
         [&](benchmark::State& s) {
             batch(s, kernels, options_of(ContourMode::front_facing, "ekman6"), MeshStorage::float32);
