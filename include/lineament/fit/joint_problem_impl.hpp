@@ -157,10 +157,12 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
     for (Eigen::Index i = 0; i < count; ++i) {
         const double squared = placed.squared_residual(i);
         const int num_dimensions = seen.used[static_cast<std::size_t>(i)].num_dimensions;
-        root_curvatures[i] = std::sqrt(robust_curvature(options_.loss, squared, num_dimensions));
-        terms.residuals.row(i) =
-            robust_weight(options_.loss, squared, num_dimensions) / root_curvatures[i] * placed.residuals.row(i);
+        const double curvature = robust_curvature(options_.loss, squared, num_dimensions);
+        root_curvatures[i] = curvature;
+        terms.residuals.row(i) = robust_weight(options_.loss, squared, num_dimensions) * placed.residuals.row(i);
     }
+    root_curvatures = root_curvatures.sqrt();
+    terms.residuals.array().colwise() /= root_curvatures;
     terms.derivatives.resize(count, Eigen::NoChange);
     if (kernels != nullptr) {
         kernels->camera_derivatives(for_kernels(camera), placed.points.data(), placed.offsets.data(), seen.roots.data(),
