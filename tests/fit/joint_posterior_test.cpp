@@ -53,8 +53,9 @@ struct Round
     {
         state.alpha = at.front().fit.shape_coefficients;
         for (std::size_t f = 0; f < at.size(); ++f) {
-            detail::JointImageMatcher matcher(base(), options, planted.images[f], {});
-            detail::JointImage image = matcher.fixed_image(detail::PackedPoints(base().landmark_points()));
+            const detail::JointPoints points{detail::PackedPoints(base().landmark_points())}; // the outline is fixed
+            detail::JointImageMatcher matcher(base(), points, options, nullptr, planted.images[f], {});
+            detail::JointImage image = matcher.fixed_image();
             matcher.match(at[f].fit.camera, state.alpha, at[f].fit.expression_coefficients,
                           {at[f].matched_scale_px_per_mm, static_cast<int>(at.size()), 0, options.bias_sigma_mm > 0},
                           image);

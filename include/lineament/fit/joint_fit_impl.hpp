@@ -28,10 +28,9 @@ namespace lineament::detail {
 class JointFit
 {
 public:
-    /// @param landmark_points  Those of the landmark map.
-    /// @param num_before       Images that the prior comes from.
-    /// @param kernels          As of the JointFitter.
-    JointFit(const FaceFitter& base, const PackedPoints& landmark_points, const JointOptions& options,
+    /// @param num_before  Images that the prior comes from.
+    /// @param kernels     As of the JointFitter.
+    JointFit(const FaceFitter& base, const JointPoints& points, const JointOptions& options,
              const IdentityInformation& prior, int num_before, const kernels::Kernels* kernels);
 
     void add_image(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const FitResult* start,
@@ -70,7 +69,7 @@ private:
     void withhold_unless_finite(JointFramesResult& result) const;
 
     const FaceFitter& base_;
-    const PackedPoints& landmark_points_;
+    const JointPoints& points_;
     const JointOptions& options_;
     const IdentityInformation& prior_;
     int num_before_;
@@ -86,9 +85,9 @@ private:
     double contour_us_ = 0.0;
 };
 
-inline JointFit::JointFit(const FaceFitter& base, const PackedPoints& landmark_points, const JointOptions& options,
+inline JointFit::JointFit(const FaceFitter& base, const JointPoints& points, const JointOptions& options,
                           const IdentityInformation& prior, int num_before, const kernels::Kernels* kernels)
-    : base_(base), landmark_points_(landmark_points), options_(options), prior_(prior), num_before_(num_before),
+    : base_(base), points_(points), options_(options), prior_(prior), num_before_(num_before),
       problem_(options, prior, base.landmark_points().num_expression_coefficients()), scratch_(kernels)
 {
     problem_.kernels = kernels;
@@ -114,7 +113,8 @@ inline void JointFit::add_image(const LandmarkSet& landmarks, const Eigen::Vecto
             state_.alpha = start->shape_coefficients.cwiseMax(-bound).cwiseMin(bound);
         }
     }
-    images_.push_back({&landmarks, JointImageMatcher(base_, options_, landmarks, covariances_px)});
+    images_.push_back(
+        {&landmarks, JointImageMatcher(base_, points_, options_, problem_.kernels, landmarks, covariances_px)});
     images_.back().camera.principal_point_px = principal_point_px;
     state_.psi.push_back(psi);
 }
@@ -159,7 +159,7 @@ inline void JointFit::run()
     const Stopwatch stopwatch(total_us_);
     std::vector<Eigen::VectorXd> psi;
     for (std::size_t f = 0; f < images_.size(); ++f) {
-        JointImage seen = images_[f].matcher.fixed_image(landmark_points_);
+        JointImage seen = images_[f].matcher.fixed_image();
         estimate_pose(images_[f], seen, state_.psi[f]);
         if (images_[f].status == FitStatus::success) {
             used_.push_back(f);
@@ -479,7 +479,7 @@ inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd&
                                     double matched_scale, double scale_strength)
 {
     used_ = {0};
-    problem_.images = {images_[0].matcher.fixed_image(landmark_points_)};
+    problem_.images = {images_[0].matcher.fixed_image()};
     problem_.images[0].scale_strength = scale_strength;
     state_.alpha = alpha;
     state_.cameras = {camera};

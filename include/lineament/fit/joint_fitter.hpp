@@ -165,9 +165,9 @@ public:
 
 private:
     JointOptions options_;
-    FaceFitter base_;                      ///< Landmark rows and outline, prepared.
-    detail::PackedPoints landmark_points_; ///< Of the landmark map.
-    IdentityFilter no_images_;             ///< Where none came earlier.
+    FaceFitter base_; ///< Landmark rows and outline, prepared.
+    detail::JointPoints points_;
+    IdentityFilter no_images_; ///< Where none came earlier.
     const kernels::Kernels* kernels_;
 };
 

@@ -61,12 +61,31 @@ namespace detail {
     return base;
 }
 
+[[nodiscard]] inline JointPoints joint_points(const FaceFitter& base)
+{
+    std::vector<int> candidates;
+    if (base.contour()) {
+        for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
+            const std::vector<int>& of_side = base.contour()->candidates(side);
+            candidates.insert(candidates.end(), of_side.begin(), of_side.end());
+        }
+    }
+    const ModelPoints& landmarks = base.landmark_points();
+    ModelPoints points =
+        ModelPoints::sized(static_cast<Eigen::Index>(candidates.size()), landmarks.num_shape_coefficients(),
+                           landmarks.num_expression_coefficients());
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+        base.assign_vertex(points, static_cast<Eigen::Index>(i), candidates[i]);
+    }
+    return {PackedPoints(landmarks), PackedPoints(points)};
+}
+
 } // namespace detail
 
 LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options,
                                               const kernels::Kernels* kernels)
     : options_(std::move(options)), base_(std::move(model), std::move(scheme), detail::base_options(options_)),
-      landmark_points_(base_.landmark_points()), no_images_(base_.num_shape_coefficients()), kernels_(kernels)
+      points_(detail::joint_points(base_)), no_images_(base_.num_shape_coefficients()), kernels_(kernels)
 {}
 
 LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmarks,
@@ -76,7 +95,7 @@ LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmark
 {
     const IdentityFilter& filter = earlier != nullptr ? *earlier : no_images_;
     require_size(filter.state().vector.size(), num_shape_coefficients(), "JointFitter::fit", "earlier");
-    detail::JointFit fit(base_, landmark_points_, options_, filter.state(), filter.num_images(), kernels_);
+    detail::JointFit fit(base_, points_, options_, filter.state(), filter.num_images(), kernels_);
     fit.add_image(landmarks, principal_point_px, start, covariances_px);
     fit.run();
     return std::move(fit.result().frames.front());
@@ -90,7 +109,7 @@ LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
             "none, or one for each image", std::to_string(starts.size()));
     require(covariances_px.empty() || covariances_px.size() == frames.size(), "JointFitter::fit_frames",
             "covariances_px", "none, or those of each image", std::to_string(covariances_px.size()));
-    detail::JointFit fit(base_, landmark_points_, options_, no_images_.state(), 0, kernels_);
+    detail::JointFit fit(base_, points_, options_, no_images_.state(), 0, kernels_);
     for (std::size_t f = 0; f < frames.size(); ++f) {
         fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f],
                       covariances_px.empty() ? std::span<const Eigen::Matrix2d>() : covariances_px[f]);
@@ -115,7 +134,7 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
     require(num_earlier >= 0, "JointFitter::identity_information", "num_earlier", ">= 0", std::to_string(num_earlier));
     const Eigen::Index size = num_shape_coefficients();
     const IdentityInformation nothing{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
-    detail::JointFit fit(base_, landmark_points_, options_, nothing, num_earlier, nullptr);
+    detail::JointFit fit(base_, points_, options_, nothing, num_earlier, nullptr);
     fit.add_image(landmarks, at.fit.camera.principal_point_px, &at.fit, covariances_px);
     return fit.identity_information(at);
 }
@@ -123,7 +142,7 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
 LINEAMENT_FIT_INLINE std::vector<std::string> JointFitter::unobservable_expressions(const LandmarkSet& landmarks,
                                                                                     const FitResult& at) const
 {
-    detail::JointFit fit(base_, landmark_points_, options_, no_images_.state(), 0, kernels_);
+    detail::JointFit fit(base_, points_, options_, no_images_.state(), 0, kernels_);
     fit.add_image(landmarks, at.camera.principal_point_px, &at, {});
     const Blendshapes* expressions = base_.expressions();
     if (expressions == nullptr || at.status == FitStatus::degenerate ||

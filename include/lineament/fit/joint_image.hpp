@@ -55,14 +55,14 @@ struct NoiseSharing
 class JointImageMatcher
 {
 public:
-    JointImageMatcher(const FaceFitter& base, const JointOptions& options, const LandmarkSet& landmarks,
+    JointImageMatcher(const FaceFitter& base, const JointPoints& points, const JointOptions& options,
+                      const kernels::Kernels* kernels, const LandmarkSet& landmarks,
                       std::span<const Eigen::Matrix2d> covariances_px);
 
     [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
 
     /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
-    /// @param landmark_points  Those of the landmark map.
-    [[nodiscard]] JointImage fixed_image(const PackedPoints& landmark_points) const;
+    [[nodiscard]] JointImage fixed_image() const;
 
     /// Gives the points of fixed_image() their weights and has those of the outline follow, for a camera and shape;
     /// `noise` says how mm become px and what images have in common.
@@ -81,7 +81,9 @@ private:
                                                 const Eigen::Vector3d& bias_variances, const Camera& camera,
                                                 const NoiseSharing& noise, bool has_bias) const;
     const FaceFitter& base_;
+    const JointPoints& points_;
     const JointOptions& options_;
+    const kernels::Kernels* kernels_;
     const LandmarkSet& landmarks_;
     std::span<const Eigen::Matrix2d> covariances_px_;
     LandmarkUse use_ = {};

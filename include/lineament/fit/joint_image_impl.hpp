@@ -100,10 +100,12 @@ LINEAMENT_FIT_INLINE void require_covariance(const Eigen::Matrix2d& covariance, 
             place.c_str(), "a symmetric positive definite matrix", "another");
 }
 
-LINEAMENT_FIT_INLINE JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointOptions& options,
+LINEAMENT_FIT_INLINE JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointPoints& points,
+                                                          const JointOptions& options, const kernels::Kernels* kernels,
                                                           const LandmarkSet& landmarks,
                                                           std::span<const Eigen::Matrix2d> covariances_px)
-    : base_(base), options_(options), landmarks_(landmarks), covariances_px_(covariances_px)
+    : base_(base), points_(points), options_(options), kernels_(kernels), landmarks_(landmarks),
+      covariances_px_(covariances_px)
 {
     const char* const function = "JointFitter::fit";
     use_ = use_of_landmarks(base, landmarks, function);
@@ -151,7 +153,7 @@ LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landma
     return (own + (noise.num_before + 1) * common) * own.inverse() * (own + noise.num_before * common);
 }
 
-LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image(const PackedPoints& landmark_points) const
+LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image() const
 {
     JointImage image;
     const Eigen::Index room = static_cast<Eigen::Index>(use_.fixed.size() + use_.outline.size());
@@ -162,7 +164,7 @@ LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image(const PackedPoint
         map_indices.push_back(use_.map_indices[l]);
         image.used.push_back({l, -1, 2});
     }
-    image.points = PackedPoints(landmark_points, map_indices, room);
+    image.points = PackedPoints(points_.landmarks, map_indices, room);
     image.roots = Eigen::RowVector3d(1, 0, 1).replicate(image.points.num_points, 1);
     return image;
 }
@@ -198,7 +200,12 @@ JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& al
     const ContourOptions& options = options_.contour_matching;
     const bool is_both = options_.contour == ContourMode::both && options.occluding_match != OccludingMatch::none;
     view_ = contour_view(angles_from_rotation(camera.camera_from_model).yaw, view_, options);
-    base_.update_shape(alpha, psi, is_both ? view_ : ContourView::frontal, shape_vertices_);
+    if (is_both && view_ != ContourView::frontal) {
+        base_.update_shape(alpha, psi, view_, shape_vertices_);
+    }
+    const Eigen::Matrix3Xd candidate_points = points_.candidates.at(kernels_, alpha, psi);
+    const Eigen::Matrix2Xd candidates = camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(candidate_points));
+    const Eigen::Index num_left = static_cast<Eigen::Index>(base_.contour()->candidates(FaceSide::left).size());
     for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
         const bool is_occluding =
             view_ == (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left);
@@ -212,7 +219,10 @@ JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& al
         if (vertices.size() < 2) {
             continue;
         }
-        const Eigen::Matrix2Xd projected = project_vertices(shape_vertices_, vertices, camera);
+        const Eigen::Index count = static_cast<Eigen::Index>(vertices.size());
+        const Eigen::Matrix2Xd projected =
+            is_occluding ? project_vertices(shape_vertices_, vertices, camera)
+                         : Eigen::Matrix2Xd(candidates.middleCols(side == FaceSide::left ? 0 : num_left, count));
         for (std::size_t o = 0; o < use_.outline.size(); ++o) {
             if (outline_sides_[o] != side) {
                 continue;

@@ -139,4 +139,11 @@ struct PackedPoints
     }
 };
 
+/// What joint fits take of a model, packed once.
+struct JointPoints
+{
+    PackedPoints landmarks = {};  ///< Of the landmark map.
+    PackedPoints candidates = {}; ///< Of the outline's left side, then of its right one, or none.
+};
+
 } // namespace lineament::detail
