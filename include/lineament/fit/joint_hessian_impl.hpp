@@ -119,20 +119,27 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
     by_point *= own_scale;
     kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, by_psi,
                             expression_width);
-    for (int r = 0; r < num_rows; ++r) {
-        const auto derivative = [&, i = r / 2](int column) { return static_cast<float>(terms.derivatives(i, column)); };
-        float* to = rows + r * width + shape_width;
-        if (others != own) {
-            *to++ = derivative(18 + r % 2); // phi
+    const int end = width - shape_width;
+    for (int i = 0; i < num_points; ++i) {
+        float* first = rows + 2 * i * width + shape_width;
+        float* second = first + width;
+        const int of_point = 2 * i * expression_width - static_cast<int>(num_shared());
+        const auto derivative = [&](int column) { return static_cast<float>(terms.derivatives(i, column)); };
+        int c = 0;
+        if (others != own) { // phi
+            first[c] = derivative(18);
+            second[c++] = derivative(19);
         }
-        for (auto unknown = own; unknown != camera; ++unknown) {
-            *to++ = by_psi[r * expression_width + *unknown - static_cast<int>(num_shared())];
+        for (auto unknown = own; unknown != camera; ++unknown, ++c) {
+            first[c] = by_psi[of_point + *unknown];
+            second[c] = by_psi[of_point + expression_width + *unknown];
         }
-        for (auto unknown = camera; unknown != unknowns.end(); ++unknown) {
-            *to++ = derivative(6 + 6 * (r % 2) + *unknown - camera_begin);
+        for (auto unknown = camera; unknown != unknowns.end(); ++unknown, ++c) {
+            first[c] = derivative(6 + *unknown - camera_begin);
+            second[c] = derivative(12 + *unknown - camera_begin);
         }
-        while (to != rows + (r + 1) * width) {
-            *to++ = 0;
+        for (; c < end; ++c) {
+            first[c] = second[c] = 0;
         }
     }
     float* sums = room_for(system.gram, static_cast<Eigen::Index>(width) * width);

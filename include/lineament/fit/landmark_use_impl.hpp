@@ -56,6 +56,8 @@ inline void require_usable(const Landmark& landmark, const char* function)
     const LandmarkMap& map = fitter.landmark_map();
     const Eigen::VectorXf* noise_mm = fitter.landmark_noise_mm();
     LandmarkUse use;
+    use.map_indices.reserve(landmarks.landmarks.size());
+    use.fixed.reserve(landmarks.landmarks.size());
     for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks.landmarks[l];
         require_usable(landmark, function);

@@ -18,12 +18,13 @@ namespace lineament::detail {
 
 using kernels::AlignedBuffer;
 
-/// Room for `size` numbers; what was there is lost where it is not enough.
+/// Room for `size` numbers, which are to be written before they are read; what was there is lost where it is not
+/// enough.
 template <typename T>
 T* room_for(AlignedBuffer<T>& buffer, Eigen::Index size)
 {
     if (static_cast<Eigen::Index>(buffer.size()) < size) {
-        buffer = AlignedBuffer<T>(static_cast<std::size_t>(size));
+        buffer = AlignedBuffer<T>(static_cast<std::size_t>(size), kernels::unset);
     }
     return buffer.data();
 }
