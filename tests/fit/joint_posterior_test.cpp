@@ -85,7 +85,8 @@ struct Round
             const double back = std::max(down[i], -1e-5), forth = std::min(up[i], 1e-5);
             const Eigen::VectorXd unit = Eigen::VectorXd::Unit(gradient.size(), i);
             const auto energy_at = [&](double step) {
-                detail::JointState moved = problem.moved(state, system, step * unit);
+                detail::JointState moved;
+                problem.move(state, system, step * unit, 0.0, moved);
                 moved.bias = state.bias;
                 std::vector<detail::PlacedPoints> placed;
                 problem.place(moved, placed);
@@ -232,7 +233,9 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
     EXPECT_THAT(system.gradient, IsNear(expected_gradient, 1e-8 * (1 + bias_gradient.cwiseAbs().maxCoeff())));
     EXPECT_GT((cross.transpose() * block.solve(cross)).norm(), 1); // the twin: they do matter
     const Eigen::VectorXd step = 0.01 * test::random_normal(random, round.problem.num_unknowns());
-    const Eigen::Matrix3Xd moved = round.problem.moved(round.state, system, step).bias;
+    detail::JointState next;
+    round.problem.move(round.state, system, step, 0.0, next);
+    const Eigen::Matrix3Xd& moved = next.bias;
     const Eigen::VectorXd deviations = Eigen::Vector3d(1.5, 1.5, 3.0).replicate(num_biases / 3, 1);
     const Eigen::VectorXd expected_bias =
         -deviations.cwiseProduct(Eigen::VectorXd(block.solve(bias_gradient + cross * step)));

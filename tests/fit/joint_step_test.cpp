@@ -32,9 +32,9 @@ detail::JointSystem random_system(Random& random, int size)
 }
 
 /// @return How often it was solved.
-int plain_step(const detail::JointSystem& system, const Eigen::VectorXd& down, const Eigen::VectorXd& up,
-               Eigen::VectorXd& step)
+int plain_step(const detail::JointSystem& system, Eigen::VectorXd& step)
 {
+    const Eigen::VectorXd &down = system.down, &up = system.up;
     std::vector<int> free = system.unknowns;
     step.setZero(system.gradient.size());
     for (int count = 1;; ++count) {
@@ -73,18 +73,38 @@ TEST(JointStep, IsThatOfFixingAndSolvingAnew)
         for (const double room : {0.0, 0.3, 1.0, 5.0}) { // all held, many, few, none
             for (int trial = 0; trial < 10; ++trial) {
                 const int size = 20;
-                const detail::JointSystem system = random_system(random, size);
-                const Eigen::VectorXd down = -room * test::random_uniform(random, size, 0.5, 1.0);
-                const Eigen::VectorXd up = room * test::random_uniform(random, size, 0.5, 1.0);
+                detail::JointSystem system = random_system(random, size);
+                system.down = -room * test::random_uniform(random, size, 0.5, 1.0);
+                system.up = room * test::random_uniform(random, size, 0.5, 1.0);
                 factor.factor(system.hessian);
                 Eigen::VectorXd expected;
-                most = std::max(most, plain_step(system, down, up, expected));
-                EXPECT_THAT(detail::bounded_step(system, system.gradient, factor, down, up),
+                most = std::max(most, plain_step(system, expected));
+                EXPECT_THAT(detail::bounded_step(system, system.gradient, factor),
                             IsNear(expected, set != nullptr ? 1e-3 : 1e-9));
             }
         }
         EXPECT_GE(most, 3); // more is held by what the first ones push
     }
+}
+
+TEST(JointStep, LearnsFromTheLastOneWhatItsMatrixGetsWrong)
+{
+    Random random(833);
+    detail::JointSystem system = random_system(random, 12);
+    const Eigen::MatrixXd hessian = system.hessian;
+    detail::PositiveFactor factor(nullptr);
+    factor.factor(3 * hessian); // a third of each step
+    system.up = Eigen::VectorXd::Constant(12, 100);
+    system.down = -system.up;
+    const detail::StepTaken last{detail::bounded_step(system, system.gradient, factor), system.gradient};
+    system.gradient += hessian * last.step;
+    const Eigen::VectorXd expected = -hessian.llt().solve(system.gradient);
+    EXPECT_THAT(detail::informed_step(system, last, factor), IsNear(expected, 1e-9));
+    const Eigen::VectorXd plain = detail::bounded_step(system, system.gradient, factor);
+    EXPECT_THAT(plain, IsNear(Eigen::VectorXd(expected / 3), 1e-9)); // the twin
+    system.up = 0.5 * expected.cwiseAbs();                           // no room for all of it
+    system.down = -system.up;
+    EXPECT_THAT(detail::informed_step(system, last, factor), IsNear(plain, 1e-9));
 }
 
 TEST(JointStep, OfAMatrixThatIsNotPositiveDefiniteIsNotANumber)
@@ -96,8 +116,9 @@ TEST(JointStep, OfAMatrixThatIsNotPositiveDefiniteIsNotANumber)
         system.hessian(2, 2) = -1;
         detail::PositiveFactor factor(set);
         factor.factor(system.hessian);
-        const Eigen::VectorXd room = Eigen::VectorXd::Constant(6, std::numeric_limits<double>::infinity());
-        EXPECT_FALSE(detail::bounded_step(system, system.gradient, factor, -room, room).allFinite());
+        system.up = Eigen::VectorXd::Constant(6, std::numeric_limits<double>::infinity());
+        system.down = -system.up;
+        EXPECT_FALSE(detail::bounded_step(system, system.gradient, factor).allFinite());
     }
 }
 

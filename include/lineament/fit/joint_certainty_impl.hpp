@@ -64,9 +64,9 @@ struct JointCertainty
 /// @param system  With the matrix of all unknowns.
 /// @param factor  Its memory holds the answer.
 [[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
-                                                 const JointSystem& system, PositiveFactor& factor)
+                                                 JointSystem& system, PositiveFactor& factor)
 {
-    const std::vector<int> free = problem.free_unknowns(state, system.gradient);
+    const std::vector<int> free = problem.free_unknowns(state, system);
     std::vector<int> held;
     std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
                         std::back_inserter(held));

@@ -505,7 +505,7 @@ inline IdentityInformation JointFit::identity_information(const JointFitResult& 
                   at.scale_strength);
     const JointSystem& system = scratch_.system;
     const Eigen::MatrixXd hessian = system.hessian.selfadjointView<Eigen::Lower>();
-    std::vector<int> others = problem_.free_unknowns(state_, system.gradient); // camera and free expressions
+    std::vector<int> others = problem_.free_unknowns(state_, scratch_.system); // camera and free expressions
     const int num_shape = static_cast<int>(problem_.num_shape());
     std::erase_if(others, [&](int i) { return i < num_shape; });
     const Eigen::MatrixXd cross = hessian.leftCols(num_shape)(others, Eigen::all);

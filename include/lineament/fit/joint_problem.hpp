@@ -89,6 +89,8 @@ struct JointSystem
     std::vector<int> unknowns = {}; ///< Those that the matrix is of, n of K, ascending.
     Eigen::MatrixXd hessian = {};   ///< n x n, lower triangle.
     Eigen::VectorXd gradient = {};  ///< K.
+    Eigen::VectorXd down = {};      ///< K, how far each unknown may go; of the state that the gradient is of.
+    Eigen::VectorXd up = {};
 
     // Needed for the scale term and to recover the biases:
     std::vector<Eigen::MatrixXd> image_grams = {};     ///< Of several images or with biases: J^T W J of the unknowns
@@ -166,8 +168,9 @@ public:
     /// With the matrix of all unknowns.
     void linearize(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
-    /// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against.
-    [[nodiscard]] std::vector<int> free_unknowns(const JointState& state, const Eigen::VectorXd& gradient) const;
+    /// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against. Sets
+    /// the system's room.
+    [[nodiscard]] std::vector<int> free_unknowns(const JointState& state, JointSystem& system) const;
 
     /// With the matrix of those.
     void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
@@ -190,8 +193,8 @@ public:
     void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
 
     /// The state after a step within that room; biases follow by themselves, damped likewise.
-    [[nodiscard]] JointState moved(const JointState& state, const JointSystem& system, const Eigen::VectorXd& step,
-                                   double damping = 0.0) const;
+    void move(const JointState& state, const JointSystem& system, const Eigen::VectorXd& step, double damping,
+              JointState& moved) const;
 
 private:
     [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }

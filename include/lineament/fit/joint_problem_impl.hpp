@@ -275,15 +275,15 @@ LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_gradient(JointSystem& sys
     }
 }
 
-LINEAMENT_FIT_INLINE std::vector<int> JointProblem::free_unknowns(const JointState& state,
-                                                                  const Eigen::VectorXd& gradient) const
+LINEAMENT_FIT_INLINE std::vector<int> JointProblem::free_unknowns(const JointState& state, JointSystem& system) const
 {
-    Eigen::VectorXd down, up;
-    room(state, down, up);
+    room(state, system.down, system.up);
+    const Eigen::VectorXd& gradient = system.gradient;
     std::vector<int> free;
+    free.reserve(static_cast<std::size_t>(gradient.size()));
     for (Eigen::Index i = 0; i < gradient.size(); ++i) {
-        const bool is_low = down[i] >= 0;
-        const bool is_high = up[i] <= 0;
+        const bool is_low = system.down[i] >= 0;
+        const bool is_high = system.up[i] <= 0;
         if (!(is_low && (is_high || gradient[i] > 0)) && !(is_high && gradient[i] < 0)) {
             free.push_back(static_cast<int>(i));
         }
@@ -308,7 +308,7 @@ LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, 
     set_gradient(state, placed, system);
     set_couplings(state, system);
     eliminate_bias_gradient(system);
-    system.unknowns = free_unknowns(state, system.gradient);
+    system.unknowns = free_unknowns(state, system);
     set_hessian(state, system);
 }
 
@@ -317,7 +317,7 @@ LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, 
 {
     set_gradient(state, placed, system);
     eliminate_bias_gradient(system);
-    const std::vector<int> free = free_unknowns(state, system.gradient);
+    const std::vector<int> free = free_unknowns(state, system);
     return std::includes(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end());
 }
 
@@ -348,10 +348,10 @@ LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::Vec
     }
 }
 
-LINEAMENT_FIT_INLINE JointState JointProblem::moved(const JointState& state, const JointSystem& system,
-                                                    const Eigen::VectorXd& step, double damping) const
+LINEAMENT_FIT_INLINE void JointProblem::move(const JointState& state, const JointSystem& system,
+                                             const Eigen::VectorXd& step, double damping, JointState& next) const
 {
-    JointState next = state;
+    next = state;
     const double bound = options_.max_coefficient;
     next.alpha = (state.alpha + step.head(num_shape())).cwiseMax(-bound).cwiseMin(bound);
     if (has_phi()) {
@@ -374,7 +374,6 @@ LINEAMENT_FIT_INLINE JointState JointProblem::moved(const JointState& state, con
             system.bias_gradient.col(b) + system.bias_coupling.middleCols<3>(3 * b).transpose() * step;
         next.bias.col(b) -= system.bias_inverse.middleCols<3>(3 * b) * pull / (1 + damping);
     }
-    return next;
 }
 
 } // namespace lineament::detail

@@ -16,14 +16,13 @@ namespace lineament::detail {
 /// The block of those rows and columns, ascending, of a lower triangle.
 [[nodiscard]] Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices);
 
-/// The damped Gauss-Newton step within the bounds: what would leave them is held at its bound and the rest solved
+/// The damped Gauss-Newton step within the system's room: what would leave it is held at its bound and the rest solved
 /// again. With H x = b and C the columns of H^-1 that belong to the held ones K, the rest's solution is
 /// x - C C_KK^-1 (x_K - bounds). Not a number where the matrix is not positive definite.
 /// @param gradient  In place of the system's.
 /// @param factor    Of the system's matrix with this damping.
 [[nodiscard]] Eigen::VectorXd bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient,
-                                           PositiveFactor& factor, const Eigen::VectorXd& down,
-                                           const Eigen::VectorXd& up);
+                                           PositiveFactor& factor);
 
 struct StepTaken
 {
@@ -33,8 +32,7 @@ struct StepTaken
 
 /// The same with a kept matrix, which the gradient's change over the last step has set right along that (BFGS with one
 /// pair; Nocedal, Updating quasi-Newton matrices with limited storage, 1980), unless that leaves the bounds.
-[[nodiscard]] Eigen::VectorXd informed_step(const JointSystem& system, const StepTaken& last, PositiveFactor& factor,
-                                            const Eigen::VectorXd& down, const Eigen::VectorXd& up);
+[[nodiscard]] Eigen::VectorXd informed_step(const JointSystem& system, const StepTaken& last, PositiveFactor& factor);
 
 /// Sets n_f of every image, half the derivative of log det Lambda by its log s: its share in the effective number of
 /// shape coefficients that the landmarks determine.                                      docs/joint-fit.md, Eq. (14)
@@ -57,7 +55,7 @@ struct JointScratch
     JointSystem system = {};
     PositiveFactor factor;
     std::vector<PlacedPoints> placed = {}, next_placed = {};
-    Eigen::VectorXd down = {}, up = {};
+    JointState next = {};
     bool keeps_matrix = false; ///< The next step may take the system's matrix and its factor over.
 };
 

@@ -32,9 +32,9 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
 }
 
 LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient,
-                                                  PositiveFactor& factor, const Eigen::VectorXd& down,
-                                                  const Eigen::VectorXd& up)
+                                                  PositiveFactor& factor)
 {
+    const Eigen::VectorXd &down = system.down, &up = system.up;
     Eigen::VectorXd step = Eigen::VectorXd::Zero(gradient.size());
     const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
     if (size == 0) {
@@ -94,20 +94,19 @@ LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, con
 }
 
 LINEAMENT_FIT_INLINE Eigen::VectorXd informed_step(const JointSystem& system, const StepTaken& last,
-                                                   PositiveFactor& factor, const Eigen::VectorXd& down,
-                                                   const Eigen::VectorXd& up)
+                                                   PositiveFactor& factor)
 {
     const Eigen::VectorXd change = system.gradient - last.gradient; // y
     const double curvature = last.step.dot(change);                 // s^T y
     if (curvature > 0) {
         const double along = last.step.dot(system.gradient) / curvature;
-        Eigen::VectorXd step = bounded_step(system, system.gradient - along * change, factor, down, up);
+        Eigen::VectorXd step = bounded_step(system, system.gradient - along * change, factor);
         step -= (along + change.dot(step) / curvature) * last.step;
-        if ((step.array() >= down.array() && step.array() <= up.array()).all()) {
+        if ((step.array() >= system.down.array() && step.array() <= system.up.array()).all()) {
             return step;
         }
     }
-    return bounded_step(system, system.gradient, factor, down, up);
+    return bounded_step(system, system.gradient, factor);
 }
 
 inline void set_scale_strength(JointProblem& problem, std::size_t image, double strength, JointSystem& system)
@@ -195,7 +194,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
     double energy = 0;
     double last_decrease = 0;
     StepTaken last;
-    auto& [system, factor, placed, next_placed, down, up, keeps_matrix] = scratch;
+    auto& [system, factor, placed, next_placed, next, keeps_matrix] = scratch;
     problem.place(state, placed);
     for (int iteration = 0; iteration < limits.max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;
@@ -211,12 +210,10 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             energy = problem.energy(state, placed);
             progress.energies.push_back({round, energy});
         }
-        problem.room(state, down, up);
         while (true) {
-            const Eigen::VectorXd step = keeps_matrix && iteration > 0
-                                             ? informed_step(system, last, factor, down, up)
-                                             : bounded_step(system, system.gradient, factor, down, up);
-            JointState next = problem.moved(state, system, step, damping);
+            const Eigen::VectorXd step = keeps_matrix && iteration > 0 ? informed_step(system, last, factor)
+                                                                       : bounded_step(system, system.gradient, factor);
+            problem.move(state, system, step, damping, next);
             problem.place(next, next_placed);
             const double next_energy = problem.energy(next, next_placed);
             const double decrease = -system.gradient.dot(step);
@@ -226,7 +223,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             const bool is_certain = damping <= 1;
             if (next_energy < energy) {
                 progress.has_settled = is_certain && rate * std::abs(decrease) <= limit;
-                state = std::move(next);
+                std::swap(state, next);
                 placed.swap(next_placed);
                 energy = next_energy;
                 progress.energies.push_back({round, energy});
