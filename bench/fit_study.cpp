@@ -101,7 +101,8 @@ double mesh_distance_mm(const PlantedFaces& faces, const FitResult& a, const Fit
 }
 
 /// The thesis's method stopped after some iterations, and the joint fit after some steps, each from the mean face.
-/// The joint fit's rounds but the last are of at most three steps, so that n steps are the leading ones of a whole fit.
+/// The joint fit's first round is of two steps, those between it and the last of one, so that n steps are the leading
+/// ones of a whole fit, but for the matrix of the third, which is kept where others follow.
 void convergence(const PlantedFaces& faces, int num_subjects)
 {
     Table table("convergence");
@@ -135,8 +136,8 @@ void convergence(const PlantedFaces& faces, int num_subjects)
                 note("thesis", count, subjects[s], fitter.fit(subjects[s].images[0], centre), thesis_limits[s]);
             }
             JointOptions options = to_the_end;
-            options.rounds = std::min(JointOptions{}.rounds, (count + 2) / 3);
-            options.max_iterations = count - 3 * (options.rounds - 1);
+            options.rounds = std::min(JointOptions{}.rounds, std::max(1, count - 1));
+            options.max_iterations = options.rounds == 1 ? count : count - options.rounds;
             const JointFitter joint(faces.model(), "ibug68", options);
             for (std::size_t s = 0; s < subjects.size() && count <= 30; ++s) {
                 note("joint", count, subjects[s], joint.fit(subjects[s].images[0], centre).fit, joint_limits[s]);
