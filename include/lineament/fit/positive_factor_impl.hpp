@@ -175,7 +175,7 @@ private:
     }
 
     template <typename T, typename Solve>
-    Eigen::MatrixXd solve_by(Solve solve, const AlignedBuffer<T>& system, const AlignedBuffer<T>& inverses,
+    Eigen::MatrixXd solve_by(Solve solve_factored, const AlignedBuffer<T>& system, const AlignedBuffer<T>& inverses,
                              const Eigen::MatrixXd& columns, AlignedBuffer<T>& solved)
     {
         using SideBySide = Eigen::Matrix<T, Eigen::Dynamic, kernels::num_right_sides, Eigen::RowMajor>;
@@ -185,7 +185,7 @@ private:
             const Eigen::Index count = std::min<Eigen::Index>(columns.cols() - begin, kernels::num_right_sides);
             x.setZero();
             x.leftCols(count) = columns.middleCols(begin, count).template cast<T>();
-            solve(system.data(), static_cast<int>(size_), width_, inverses.data(), x.data());
+            solve_factored(system.data(), static_cast<int>(size_), width_, inverses.data(), x.data());
             result.middleCols(begin, count) = x.leftCols(count).template cast<double>();
         }
         return result;

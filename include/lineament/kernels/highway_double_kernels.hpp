@@ -30,6 +30,12 @@ inline constexpr int double_lanes = static_cast<int>(hn::MaxLanes(DoubleTag()));
 /// The sums of four vectors' lanes, out[0] to out[3].
 HWY_INLINE void store_sums(DoubleVector s0, DoubleVector s1, DoubleVector s2, DoubleVector s3, double* out)
 {
+#if HWY_TARGET == HWY_SCALAR // has one lane, and nothing that moves lanes
+    out[0] = hn::GetLane(s0);
+    out[1] = hn::GetLane(s1);
+    out[2] = hn::GetLane(s2);
+    out[3] = hn::GetLane(s3);
+#else
     const DoubleTag d;
     const DoubleVector s01 = hn::Add(hn::InterleaveLower(d, s0, s1), hn::InterleaveUpper(d, s0, s1)); // in each block
     const DoubleVector s23 = hn::Add(hn::InterleaveLower(d, s2, s3), hn::InterleaveUpper(d, s2, s3));
@@ -47,6 +53,7 @@ HWY_INLINE void store_sums(DoubleVector s0, DoubleVector s1, DoubleVector s2, Do
                        half, out);
         }
     }
+#endif
 }
 
 HWY_INLINE DoubleVector load_wide(const float* from)
