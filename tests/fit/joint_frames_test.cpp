@@ -35,7 +35,11 @@ TEST(JointFitter, OneImageAmongSeveralIsFit)
     EXPECT_EQ(result.num_used_frames, 1);
     EXPECT_EQ(result.frames[0].fit.status, FitStatus::too_few_correspondences);
     EXPECT_EQ(result.shape_coefficients, one.fit.shape_coefficients);
-    EXPECT_EQ(fitter.fit_frames({}, centre).status, FitStatus::too_few_correspondences);
+    const Eigen::Index num_shape = one.fit.shape_coefficients.size();
+    EXPECT_EQ(result.shape_covariance, Eigen::MatrixXd(one.covariance.topLeftCorner(num_shape, num_shape)));
+    const JointFramesResult none = fitter.fit_frames({}, centre);
+    EXPECT_EQ(none.status, FitStatus::too_few_correspondences);
+    EXPECT_EQ(none.shape_covariance.size(), 0);
 }
 
 TEST(JointFitter, MoreImagesKnowMoreButNotWhatIsCommonToAll)

@@ -378,6 +378,20 @@ TEST_P(KernelsTest, AddsColumnsOfAnyAlignment)
     }
 }
 
+TEST_P(KernelsTest, ColumnsThatCountForNothingAreNotRead)
+{
+    const int num_rows = 300;
+    AlignedBuffer<float> columns(2 * num_rows), coefficients(2), out(num_rows);
+    std::fill_n(columns.data(), num_rows, std::numeric_limits<float>::quiet_NaN());
+    std::fill_n(columns.data() + num_rows, num_rows, 2.0f);
+    coefficients[1] = 3;
+    kernels.add_columns(columns.data(), num_rows, num_rows, 2, coefficients.data(), out.data());
+    EXPECT_EQ(matrix_of(out, num_rows, 1), Eigen::MatrixXd::Constant(num_rows, 1, 6));
+    coefficients[0] = 1; // the twin
+    kernels.add_columns(columns.data(), num_rows, num_rows, 2, coefficients.data(), out.data());
+    EXPECT_TRUE(matrix_of(out, num_rows, 1).array().isNaN().all());
+}
+
 TEST_P(KernelsTest, FindsTheFirstNearestPointOfEach)
 {
     for (const int count : {1, 2, 7, 8, 9, 21, 104}) {
