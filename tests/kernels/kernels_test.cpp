@@ -15,6 +15,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
 namespace lineament::kernels {
 namespace {
@@ -256,6 +257,120 @@ TEST_P(KernelsTest, RefusesIndefiniteSystems)
     system[17] = 1.0001f;
     AlignedBuffer<float> x(16);
     EXPECT_NEAR(kernels.solve_positive(system.data(), 2, 16, x.data()), 1e-4, 1e-5);
+}
+
+/// Of few unknowns, with a positive definite matrix.
+struct FewUnknowns
+{
+    static constexpr int width = 16;
+    AlignedBuffer<float> matrix = AlignedBuffer<float>(max_few * width);
+    AlignedBuffer<float> right_side = AlignedBuffer<float>(width), is_free = AlignedBuffer<float>(width);
+    AlignedBuffer<float> x = AlignedBuffer<float>(width), residual = AlignedBuffer<float>(width);
+
+    FewUnknowns(Random& random, int n)
+    {
+        const Eigen::MatrixXd f = matrix_of(random_floats(random, (n + 2) * n), n + 2, n);
+        Eigen::Map<RowMajor>(matrix.data(), max_few, width).topLeftCorner(n, n) =
+            (f.transpose() * f + Eigen::MatrixXd::Identity(n, n)).cast<float>();
+        for (int i = 0; i < n; ++i) {
+            right_side[i] = static_cast<float>(random.normal());
+            x[i] = static_cast<float>(random.normal());
+        }
+    }
+    float solve(const Kernels& kernels, int n)
+    {
+        return kernels.solve_few(matrix.data(), n, width, right_side.data(), is_free.data(), x.data(), residual.data());
+    }
+};
+
+TEST_P(KernelsTest, SolvesForTheFreeOfFewUnknowns)
+{
+    for (int n = 1; n <= max_few; ++n) {
+        for (int set = 0; set < 1 << n; ++set) { // every set of free ones
+            FewUnknowns few(random, n);
+            std::vector<int> free, held;
+            for (int i = 0; i < n; ++i) {
+                few.is_free[i] = (set >> i & 1) != 0 ? 1.0f : 0.0f;
+                ((set >> i & 1) != 0 ? free : held).push_back(i);
+            }
+            const Eigen::MatrixXd a = matrix_of(few.matrix, max_few, FewUnknowns::width).topLeftCorner(n, n);
+            const Eigen::VectorXd b = matrix_of(few.right_side, FewUnknowns::width, 1).topRows(n);
+            Eigen::VectorXd expected = matrix_of(few.x, FewUnknowns::width, 1).topRows(n);
+            double least = 1;
+            if (!free.empty()) {
+                const Eigen::MatrixXd of_free = a(free, free);
+                Eigen::VectorXd rest = b(free);
+                for (const int j : held) {
+                    rest -= a(free, j) * expected[j];
+                }
+                expected(free) = of_free.llt().solve(rest).eval();
+                const Eigen::VectorXd roots = Eigen::MatrixXd(of_free.llt().matrixL()).diagonal();
+                least = (roots.array().square() / of_free.diagonal().array()).minCoeff();
+            }
+            EXPECT_NEAR(few.solve(kernels, n), least, 1e-4) << n << " " << set;
+            const double tolerance = 1e-4 * (1 + expected.norm());
+            EXPECT_LE(max_difference(matrix_of(few.x, FewUnknowns::width, 1).topRows(n), expected), tolerance);
+            EXPECT_LE(max_difference(matrix_of(few.residual, FewUnknowns::width, 1).topRows(n), b - a * expected),
+                      tolerance * a.norm());
+        }
+    }
+}
+
+TEST_P(KernelsTest, RefusesIndefiniteRowsOfFewUnknowns)
+{
+    for (int n = 1; n <= max_few; ++n) {
+        for (int i = 0; i < n; ++i) {
+            for (const float diagonal : {-1.0f, 0.0f, std::nanf("")}) {
+                FewUnknowns few(random, n);
+                few.matrix[i * FewUnknowns::width + i] = diagonal;
+                std::fill_n(few.is_free.data(), n, 1.0f);
+                EXPECT_FALSE(few.solve(kernels, n) > 0) << n << " " << i << " " << diagonal;
+            }
+            FewUnknowns few(random, n); // the twin: a row that is not free may be anything but NaN
+            few.matrix[i * FewUnknowns::width + i] = -1;
+            std::fill_n(few.is_free.data(), n, 1.0f);
+            few.is_free[i] = 0;
+            EXPECT_GT(few.solve(kernels, n), 0.0f) << n << " " << i;
+        }
+    }
+}
+
+TEST_P(KernelsTest, AddsRowsOfPoints)
+{
+    for (const int width : {16, 48, 64, 80}) {
+        const AlignedBuffer<float> rows = random_floats(random, 3 * 9 * width);
+        const std::vector<int> indices = {8, 0, 3, 3, 5};
+        for (int count = 0; count <= static_cast<int>(indices.size()); ++count) {
+            const AlignedBuffer<float> factors = random_floats(random, 15);
+            AlignedBuffer<float> sums = random_floats(random, width);
+            Eigen::MatrixXd expected = matrix_of(sums, 1, width);
+            for (int i = 0; i < count; ++i) {
+                for (int a = 0; a < 3; ++a) {
+                    expected += static_cast<double>(factors[3 * i + a]) *
+                                matrix_of(rows, 27, width).row(3 * indices[static_cast<std::size_t>(i)] + a);
+                }
+            }
+            kernels.add_point_rows(rows.data(), width, indices.data(), count, factors.data(), sums.data());
+            EXPECT_LE(max_difference(matrix_of(sums, 1, width), expected), 1e-5) << width << " " << count;
+        }
+    }
+}
+
+TEST_P(KernelsTest, WidensIntegers)
+{
+    AlignedBuffer<std::int16_t> integers(2 * panel_size);
+    AlignedBuffer<float> widened(integers.size());
+    for (std::size_t i = 0; i < integers.size(); ++i) {
+        integers[i] = static_cast<std::int16_t>(random.uniform(-32768, 32768));
+    }
+    integers[0] = std::numeric_limits<std::int16_t>::min();
+    integers[panel_size - 1] = std::numeric_limits<std::int16_t>::max();
+    widened[64] = 5; // to be left alone
+    kernels.widen(integers.data(), panel_size, widened.data());
+    for (std::size_t i = 0; i < panel_size; ++i) {
+        EXPECT_EQ(widened[i], integers[i]) << i;
+    }
+    EXPECT_EQ(widened[64], 5);
 }
 
 TEST_P(KernelsTest, TransformsPoints)

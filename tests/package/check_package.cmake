@@ -24,6 +24,12 @@ if(way STREQUAL solvers)
     run(${work_dir}/fit)
     return()
 endif()
+if(way STREQUAL kernels)
+    run(${project_compiler} -std=c++20 -Wall -Wextra -Werror -O0 -march=native -I ${source_dir}/include
+        -I ${source_dir}/tests -isystem ${eigen} ${here}/plain/kernels.cpp -o ${work_dir}/kernels)
+    run(${work_dir}/kernels)
+    return()
+endif()
 if(way STREQUAL renderer)
     run(${project_compiler} -std=c++20 -Wall -Wextra -Werror -O0 -I ${source_dir}/include -isystem ${eigen}
         ${here}/plain/render.cpp -o ${work_dir}/render)

@@ -205,6 +205,13 @@ inline void combine_panels_int16(const float* base, const std::int16_t* panels, 
     combine<ReadInt16>(base, panels, num_panels, num_columns, coefficients, out);
 }
 
+inline void widen(const std::int16_t* from, int count, float* out)
+{
+    for (int i = 0; i < count; i += lanes) {
+        hn::Store(ReadInt16{from}(i), Floats(), out + i);
+    }
+}
+
 /// A tile of rows stays in registers while the columns pass; its pieces of them lie far apart, but each is long enough
 /// to be read at the speed of memory.
 template <int num_vectors>

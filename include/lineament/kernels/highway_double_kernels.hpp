@@ -181,9 +181,14 @@ inline void add_pose_moments(const float* points, const double* seen_u, const do
         vy = hn::MulAdd(v, y, vy);
         vz = hn::MulAdd(v, z, vz);
     }
-    const V sums[num_pose_moments] = {w1, wx, wy, wz, wu, wv, xx, xy, xz, yy, yz, zz, ux, uy, uz, vx, vy, vz};
+    double sums[num_pose_moments + 2];
+    store_sums(w1, wx, wy, wz, sums);
+    store_sums(wu, wv, xx, xy, sums + 4);
+    store_sums(xz, yy, yz, zz, sums + 8);
+    store_sums(ux, uy, uz, vx, sums + 12);
+    store_sums(vy, vz, zero, zero, sums + 16);
     for (int t = 0; t < num_pose_moments; ++t) {
-        moments[t] += hn::GetLane(hn::SumOfLanes(d, sums[t]));
+        moments[t] += sums[t];
     }
 }
 

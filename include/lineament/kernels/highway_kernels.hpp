@@ -7,6 +7,9 @@
 
 #ifdef LINEAMENT_USE_HIGHWAY
 
+#if defined(__AVX512VBMI2__) && !defined(HWY_WANT_AVX3_DL)
+#define HWY_WANT_AVX3_DL // without it Highway 1.0.3 refuses flags that include this set
+#endif
 #include <hwy/highway.h>
 
 #include "lineament/kernels/highway_camera_kernels.hpp"
@@ -57,20 +60,19 @@ inline void project_rows(const float* point_rows, int width, const int* indices,
                          const float* roots, float* out)
 {
     const Floats d;
+    const Vector ux = hn::Set(d, jacobian[0]), uy = hn::Set(d, jacobian[1]), uz = hn::Set(d, jacobian[2]);
+    const Vector vx = hn::Set(d, jacobian[3]), vy = hn::Set(d, jacobian[4]), vz = hn::Set(d, jacobian[5]);
     for (int i = 0; i < count; ++i, out += 2 * width) {
         const float* rows = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
-        const Vector ux = hn::Set(d, roots[i] * jacobian[0]);
-        const Vector uy = hn::Set(d, roots[i] * jacobian[1]);
-        const Vector uz = hn::Set(d, roots[i] * jacobian[2]);
-        const Vector vx = hn::Set(d, roots[i] * jacobian[3]);
-        const Vector vy = hn::Set(d, roots[i] * jacobian[4]);
-        const Vector vz = hn::Set(d, roots[i] * jacobian[5]);
+        const Vector root = hn::Set(d, roots[i]);
         for (int c = 0; c < width; c += lanes) {
             const Vector x = hn::Load(d, rows + c);
             const Vector y = hn::Load(d, rows + width + c);
             const Vector z = hn::Load(d, rows + 2 * width + c);
-            hn::Store(hn::MulAdd(uz, z, hn::MulAdd(uy, y, hn::Mul(ux, x))), d, out + c);
-            hn::Store(hn::MulAdd(vz, z, hn::MulAdd(vy, y, hn::Mul(vx, x))), d, out + width + c);
+            const Vector u = hn::MulAdd(uz, z, hn::MulAdd(uy, y, hn::Mul(ux, x)));
+            const Vector v = hn::MulAdd(vz, z, hn::MulAdd(vy, y, hn::Mul(vx, x)));
+            hn::Store(hn::Mul(root, u), d, out + c);
+            hn::Store(hn::Mul(root, v), d, out + width + c);
         }
     }
 }
@@ -207,6 +209,48 @@ inline void add_rows(const float* rows, int num_rows, int width, const float* fa
             partial[0] = hn::MulAdd(hn::Set(d, factors[r]), hn::Load(d, row), partial[0]);
         }
         hn::Store(hn::Add(hn::Add(partial[0], partial[1]), hn::Add(partial[2], partial[3])), d, sums + begin);
+    }
+}
+
+/// N vectors of columns of add_point_rows; x, y and z in a chain each, which hide the latency of each other.
+template <int N>
+HWY_INLINE void add_point_columns(const float* point_rows, int width, const int* indices, int count,
+                                  const float* factors, float* sums)
+{
+    const Floats d;
+    Vector partial[3][N];
+    for (int v = 0; v < N; ++v) {
+        partial[0][v] = hn::Load(d, sums + v * lanes);
+        partial[1][v] = hn::Zero(d);
+        partial[2][v] = hn::Zero(d);
+    }
+    for (int i = 0; i < count; ++i, factors += 3) {
+        const float* row = point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i];
+        for (int a = 0; a < 3; ++a, row += width) {
+            const Vector factor = hn::Set(d, factors[a]);
+            for (int v = 0; v < N; ++v) {
+                partial[a][v] = hn::MulAdd(factor, hn::Load(d, row + v * lanes), partial[a][v]);
+            }
+        }
+    }
+    for (int v = 0; v < N; ++v) {
+        hn::Store(hn::Add(partial[0][v], hn::Add(partial[1][v], partial[2][v])), d, sums + v * lanes);
+    }
+}
+
+inline void add_point_rows(const float* point_rows, int width, const int* indices, int count, const float* factors,
+                           float* sums)
+{
+    constexpr int most = 4;
+    int c = 0;
+    if (count == 0) { // then there may be no rows
+        return;
+    }
+    for (; c + most * lanes <= width; c += most * lanes) {
+        add_point_columns<most>(point_rows + c, width, indices, count, factors, sums + c);
+    }
+    for (; c < width; c += lanes) {
+        add_point_columns<1>(point_rows + c, width, indices, count, factors, sums + c);
     }
 }
 
@@ -378,6 +422,115 @@ inline float solve_positive(float* system, int n, int width, float* x)
     return least;
 }
 
+/// Gauss and Jordan's elimination in rows of eight numbers, the right side behind the n of the matrix; a row that is
+/// not free says x_i = x_i.
+template <int n>
+inline float solve_few(const float* matrix, int width, const float* right_side, const float* is_free, float* x,
+                       float* residual)
+{
+    const hn::CappedTag<float, 8> d;
+    constexpr int step = static_cast<int>(hn::MaxLanes(d));
+    constexpr int num_vectors = 8 / step;
+    using V = hn::Vec<decltype(d)>;
+    alignas(64) float rows[n][8];                // the compiler keeps them in registers
+    const auto at = [&](int c, int v) HWY_ATTR { // whether this is column c
+        return hn::Eq(hn::Iota(d, static_cast<float>(v * step)), hn::Set(d, static_cast<float>(c)));
+    };
+    for (int i = 0; i < n; ++i) {
+        const auto is_row_free = hn::Ne(hn::Set(d, is_free[i]), hn::Zero(d));
+        const V last = hn::IfThenElse(is_row_free, hn::Set(d, right_side[i]), hn::Set(d, x[i]));
+        for (int v = 0; v < num_vectors; ++v) {
+            const V unit = hn::IfThenElseZero(at(i, v), hn::Set(d, 1.0f));
+            const V row = hn::IfThenElse(is_row_free, hn::Load(d, matrix + i * width + v * step), unit);
+            hn::Store(hn::IfThenElse(at(n, v), last, row), d, rows[i] + v * step);
+        }
+    }
+    const V one = hn::Set(d, 1.0f);
+    V least = one;
+    const auto eliminate = [&](int p) HWY_ATTR {
+        const V pivot = hn::Set(d, rows[p][p]);
+        const V inverse = hn::Div(one, pivot);
+        const V relative = hn::Div(pivot, hn::Abs(hn::Set(d, matrix[p * width + p])));
+        const auto is_row_free = hn::Ne(hn::Set(d, is_free[p]), hn::Zero(d));
+        const V least_of_both = hn::IfThenElse(hn::Lt(least, relative), least, relative); // NaN, if the pivot is
+        least = hn::IfThenElse(is_row_free, least_of_both, least);
+        V pivot_row[num_vectors];
+        for (int v = 0; v < num_vectors; ++v) {
+            pivot_row[v] = hn::Mul(hn::Load(d, rows[p] + v * step), inverse);
+            hn::Store(pivot_row[v], d, rows[p] + v * step);
+        }
+        for (int i = 0; i < n; ++i) {
+            if (i == p) {
+                continue;
+            }
+            const V factor = hn::Set(d, rows[i][p]);
+            for (int v = 0; v < num_vectors; ++v) {
+                const V row = hn::Load(d, rows[i] + v * step);
+                hn::Store(hn::NegMulAdd(factor, pivot_row[v], row), d, rows[i] + v * step);
+            }
+        }
+    };
+    // One after the other, without a loop, so that the rows stay in registers.
+    eliminate(0);
+    if constexpr (n > 1) {
+        eliminate(1);
+    }
+    if constexpr (n > 2) {
+        eliminate(2);
+    }
+    if constexpr (n > 3) {
+        eliminate(3);
+    }
+    if constexpr (n > 4) {
+        eliminate(4);
+    }
+    if constexpr (n > 5) {
+        eliminate(5);
+    }
+    if constexpr (n > 6) {
+        eliminate(6);
+    }
+    V rest[num_vectors];
+    V solution[num_vectors];
+    for (int v = 0; v < num_vectors; ++v) {
+        rest[v] = hn::Load(d, right_side + v * step);
+        solution[v] = hn::Zero(d);
+    }
+    for (int i = 0; i < n; ++i) {
+        const V value = hn::Set(d, rows[i][n]);
+        for (int v = 0; v < num_vectors; ++v) {
+            solution[v] = hn::IfThenElse(at(i, v), value, solution[v]);
+            rest[v] = hn::NegMulAdd(value, hn::Load(d, matrix + i * width + v * step), rest[v]);
+        }
+    }
+    for (int v = 0; v < num_vectors; ++v) {
+        hn::Store(solution[v], d, x + v * step);
+        hn::Store(rest[v], d, residual + v * step);
+    }
+    return hn::GetLane(least);
+}
+
+inline float solve_few(const float* matrix, int n, int width, const float* right_side, const float* is_free, float* x,
+                       float* residual)
+{
+    switch (n) {
+    case 1:
+        return solve_few<1>(matrix, width, right_side, is_free, x, residual);
+    case 2:
+        return solve_few<2>(matrix, width, right_side, is_free, x, residual);
+    case 3:
+        return solve_few<3>(matrix, width, right_side, is_free, x, residual);
+    case 4:
+        return solve_few<4>(matrix, width, right_side, is_free, x, residual);
+    case 5:
+        return solve_few<5>(matrix, width, right_side, is_free, x, residual);
+    case 6:
+        return solve_few<6>(matrix, width, right_side, is_free, x, residual);
+    default:
+        return solve_few<max_few>(matrix, width, right_side, is_free, x, residual);
+    }
+}
+
 inline void transform_points(const float* points, int step, int count, const float* m, float* out, int out_step)
 {
     const Floats d;
@@ -407,13 +560,15 @@ inline void nearest_points(const double* u, const double* v, int count, const do
         const DoubleVector centre_v = hn::Load(d, to_v + begin);
         DoubleVector least = hn::Set(d, std::numeric_limits<double>::infinity());
         auto first = hn::Zero(integers);
+        auto index = hn::Zero(integers);
         for (int i = 0; i < count; ++i) {
             const DoubleVector du = hn::Sub(hn::Set(d, u[i]), centre_u);
             const DoubleVector dv = hn::Sub(hn::Set(d, v[i]), centre_v);
             const DoubleVector distance = hn::Add(hn::Mul(du, du), hn::Mul(dv, dv));
             const auto is_nearer = hn::Lt(distance, least);
-            least = hn::IfThenElse(is_nearer, distance, least);
-            first = hn::IfThenElse(hn::RebindMask(integers, is_nearer), hn::Set(integers, i), first);
+            least = hn::Min(distance, least);
+            first = hn::IfThenElse(hn::RebindMask(integers, is_nearer), index, first);
+            index = hn::Add(index, hn::Set(integers, 1));
         }
         hn::Store(first, integers, found);
         for (int j = begin; j < num_to && j < begin + double_lanes; ++j) {
@@ -444,8 +599,10 @@ inline void see_points(const float* points, int count, const double* m, double* 
     return &scalar_kernels();
 #else
     static const Kernels kernels = {hwy::TargetName(HWY_TARGET),
+                                    lanes >= 8,
                                     combine_panels,
                                     combine_panels_int16,
+                                    widen,
                                     add_columns,
                                     combine_blocks,
                                     multiply_panels,
@@ -455,7 +612,9 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     add_gram,
                                     add_leading_gram,
                                     add_rows,
+                                    add_point_rows,
                                     solve_positive,
+                                    solve_few,
                                     transform_points,
                                     add_pose_moments,
                                     residual_factors,

@@ -19,6 +19,9 @@ inline constexpr int double_step = 8;
 /// Columns that solve_factored solves for.
 inline constexpr int num_right_sides = 8;
 
+/// Unknowns that solve_few solves for; with a right side their rows are vectors of AVX2.
+inline constexpr int max_few = 7;
+
 /// Numbers in one block of SparseColumns.
 inline constexpr int block_size = 16;
 
@@ -61,7 +64,8 @@ struct PerspectiveCamera
 /// Pointers to rows and what goes with their columns are aligned to 64 bytes. Nothing allocates, nothing throws.
 struct Kernels
 {
-    const char* name; ///< Of the instruction set, for reports.
+    const char* name;   ///< Of the instruction set, for reports.
+    bool prefers_int16; ///< Columns of 16 bits take it less time than twice as many bytes of single precision.
 
     /// out[64 p + c] = base[64 p + c] + sum_j coefficients[j] panels[(p num_columns + j) 64 + c]
     /// for p < num_panels. `out` may be `base`.
@@ -71,6 +75,9 @@ struct Kernels
     /// The same of panels in 16-bit integers; the columns' scales are part of the coefficients.
     void (*combine_panels_int16)(const float* base, const std::int16_t* panels, int num_panels, int num_columns,
                                  const float* coefficients, float* out);
+
+    /// out[i] = from[i] for i < count, a multiple of panel_size.
+    void (*widen)(const std::int16_t* from, int count, float* out);
 
     /// out[r] += sum_j coefficients[j] columns[j step + r] for r < num_rows, of any alignment. Most expressions of a
     /// face are 0: columns that count for nothing are not read.
@@ -104,10 +111,21 @@ struct Kernels
     /// sums[c] += sum_r factors[r] rows[r width + c]
     void (*add_rows)(const float* rows, int num_rows, int width, const float* factors, float* sums);
 
+    /// sums[c] += sum_i sum_a factors[3i + a] times column c of row a of point indices[i].
+    void (*add_point_rows)(const float* point_rows, int width, const int* indices, int count, const float* factors,
+                           float* sums);
+
     /// Solves A x = b by Cholesky's method in place: A is n x n, its upper triangle in `system` (n rows of `width`), b
     /// its column n < width. x has `width` entries, 0 beyond n. Returns the least pivot relative to A's diagonal: <= 0
     /// or NaN where A is not positive definite to rounding, and then x is not set.
     float (*solve_positive)(float* system, int n, int width, float* x);
+
+    /// Solves the rows i of A x = b with is_free[i] = 1 for these x_i, where the others, is_free[i] = 0, are as given
+    /// in x: A symmetric, 1 <= n <= max_few rows in full, b, is_free and x with a `width` of numbers. residual = b - A
+    /// x. Returns the least pivot of the rows relative to A's diagonal: <= 0 or NaN where they are not positive
+    /// definite to rounding, and then x and the residual are spoilt.
+    float (*solve_few)(const float* matrix, int n, int width, const float* right_side, const float* is_free, float* x,
+                       float* residual);
 
     /// Points in planar order (x, y, z of `step` floats each; `count` rounded up to width_step is read) turned:
     /// out_a[i] = m[4a] x_i + m[4a + 1] y_i + m[4a + 2] z_i + m[4a + 3] for a = 0..2, in rows of `out_step`.

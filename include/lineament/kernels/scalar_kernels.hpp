@@ -28,6 +28,11 @@ void combine_panels(const float* base, const T* panels, int num_panels, int num_
     }
 }
 
+inline void widen(const std::int16_t* from, int count, float* out)
+{
+    std::copy_n(from, count, out);
+}
+
 inline void add_columns(const float* columns, std::ptrdiff_t step, int num_rows, int num_columns,
                         const float* coefficients, float* out)
 {
@@ -135,6 +140,14 @@ inline void add_rows(const float* rows, int num_rows, int width, const float* fa
     }
 }
 
+inline void add_point_rows(const float* point_rows, int width, const int* indices, int count, const float* factors,
+                           float* sums)
+{
+    for (int i = 0; i < count; ++i) {
+        add_rows(point_rows + static_cast<std::ptrdiff_t>(3 * width) * indices[i], 3, width, factors + 3 * i, sums);
+    }
+}
+
 inline float solve_positive(float* system, int n, int width, float* x)
 {
     float least = 1;
@@ -165,6 +178,48 @@ inline float solve_positive(float* system, int n, int width, float* x)
             sum -= row[c] * x[c];
         }
         x[i] = sum / row[i];
+    }
+    return least;
+}
+
+/// Gauss and Jordan's elimination; a row that is not free says x_i = x_i.
+inline float solve_few(const float* matrix, int n, int width, const float* right_side, const float* is_free, float* x,
+                       float* residual)
+{
+    float rows[max_few][max_few + 1] = {};
+    for (int i = 0; i < n; ++i) {
+        if (is_free[i] != 0) {
+            std::copy_n(matrix + i * width, n, rows[i]);
+            rows[i][n] = right_side[i];
+        } else {
+            rows[i][i] = 1;
+            rows[i][n] = x[i];
+        }
+    }
+    float least = 1;
+    for (int p = 0; p < n; ++p) {
+        const float pivot = rows[p][p];
+        if (is_free[p] != 0) {
+            least = std::min(pivot / std::abs(matrix[p * width + p]), least); // NaN, if the pivot is
+        }
+        for (int c = 0; c <= n; ++c) {
+            rows[p][c] /= pivot;
+        }
+        for (int i = 0; i < n; ++i) {
+            const float factor = rows[i][p];
+            for (int c = 0; c <= n && i != p; ++c) {
+                rows[i][c] -= factor * rows[p][c];
+            }
+        }
+    }
+    for (int i = 0; i < n; ++i) {
+        x[i] = rows[i][n];
+    }
+    for (int i = 0; i < n; ++i) {
+        residual[i] = right_side[i];
+        for (int j = 0; j < n; ++j) {
+            residual[i] -= matrix[i * width + j] * x[j];
+        }
     }
     return least;
 }
@@ -420,8 +475,10 @@ namespace lineament::kernels {
 [[nodiscard]] inline const Kernels& scalar_kernels()
 {
     static constexpr Kernels table = {"scalar",
+                                      false,
                                       scalar::combine_panels<float>,
                                       scalar::combine_panels<std::int16_t>,
+                                      scalar::widen,
                                       scalar::add_columns,
                                       scalar::combine_blocks,
                                       scalar::multiply_panels,
@@ -431,7 +488,9 @@ namespace lineament::kernels {
                                       scalar::add_gram,
                                       scalar::add_leading_gram,
                                       scalar::add_rows,
+                                      scalar::add_point_rows,
                                       scalar::solve_positive,
+                                      scalar::solve_few,
                                       scalar::transform_points,
                                       scalar::add_pose_moments,
                                       scalar::residual_factors,
