@@ -54,6 +54,13 @@ struct PointPanels
     return coefficients.cwiseAbs().sum() <= 1e6;
 }
 
+/// Panels with columns of 16-bit integers times a scale.
+struct ShortPanels
+{
+    AlignedBuffer<std::int16_t> integers = {};
+    std::vector<float> scales = {}; ///< Of the columns.
+};
+
 /// The memory of kernels::SparseColumns.
 struct ColumnBlocks
 {
@@ -137,7 +144,6 @@ struct RealtimePack
     PointRows fixed_rows = {};
     std::vector<double> fixed_information = {}; ///< Weight of each before scale and confidence.
     double contour_information = 0.0;           ///< Of a matched landmark.
-    double root_contour_information = 0.0;      ///< Its root.
     /// Six matrices, docs/realtime.md, Eq. (5), of all fixed points with these weights.
     AlignedBuffer<float> identity_grams = {};
     AlignedBuffer<float> expression_grams = {};
@@ -153,11 +159,8 @@ struct RealtimePack
     int max_matches = 0;
 
     PointPanels mesh = {};
-    ColumnBlocks mesh_expression_blocks = {};       ///< Where that spares reading, the columns in `mesh` once more.
-    AlignedBuffer<std::int16_t> mesh_identity = {}; ///< With MeshStorage::int16, instead of the columns in `mesh`.
-    AlignedBuffer<std::int16_t> mesh_expression = {};
-    std::vector<float> mesh_identity_scales = {}; ///< Of the columns.
-    std::vector<float> mesh_expression_scales = {};
+    ShortPanels short_identity = {}, short_expression = {}; ///< If any, instead of the columns in `mesh`.
+    ColumnBlocks mesh_expression_blocks = {};               ///< Where that spares reading, these columns once more.
 
     [[nodiscard]] const PointPanels& panels(PointSet set) const
     {
@@ -190,13 +193,6 @@ struct NeutralShape
     AlignedBuffer<float> mesh = {};
 };
 
-struct RealtimeMatch
-{
-    int landmark_index;
-    int row;       ///< Of RealtimePack::contour_rows.
-    int candidate; ///< Among RealtimePack::candidates; -1: found on the silhouette.
-};
-
 /// The cells in which ContourModel asks for depths, from the corner of the silhouette's box.
 struct DepthCells
 {
@@ -213,8 +209,8 @@ struct OutlineLandmarks
     int count = 0;
     int first_slot = 0; ///< Of max_count in RealtimeFrame::seen_u and seen_v.
     std::array<int, max_count> landmark_indices = {};
-    std::array<double, max_count> information = {};      ///< Weight before scale.
-    std::array<double, max_count> root_information = {}; ///< Its root.
+    std::array<double, max_count> information = {}; ///< Weight before scale.
+    std::array<float, max_count> roots = {};        ///< Its root.
 };
 
 /// What the fit of one image keeps from step to step, beside the identity.
@@ -235,11 +231,14 @@ struct RealtimeFrame
     bool is_nominal = true; ///< Every fixed point seen with confidence 1: the Gram matrices hold.
     int num_fixed_seen = 0;
 
-    std::vector<RealtimeMatch> matches = {};
-    std::vector<int> match_rows = {}; ///< Of them.
-    int num_silhouette_matches = 0;   ///< They follow each other, from first_silhouette_match on.
+    // Of matches, room for RealtimePack::max_matches.
+    int num_matches = 0;
+    int num_silhouette_matches = 0; ///< They follow each other, from first_silhouette_match on.
     int first_silhouette_match = 0;
-    std::vector<double> match_root_information = {};
+    std::vector<int> match_landmarks = {};
+    std::vector<int> match_rows = {};       ///< Of RealtimePack::contour_rows.
+    std::vector<int> match_candidates = {}; ///< Among RealtimePack::candidates; -1: found on the silhouette.
+    std::vector<float> match_roots = {};    ///< Roots of the information.
 
     std::vector<double> psi = {};
     std::vector<signed char> bound_state = {}; ///< 0 free, -1 at 0, 1 at the upper bound.
@@ -260,7 +259,8 @@ struct RealtimeFrame
 struct IdentitySums
 {
     std::array<double, 6> grams = {}; ///< How often each matrix of RealtimePack::identity_grams counts.
-    std::vector<double> fixed_information = {}, fixed_right_side = {}; ///< The former of images that lack a point.
+    AlignedBuffer<double> fixed_right_side = {};
+    std::vector<double> fixed_information = {}; ///< Of images that lack a point.
     bool has_fixed_information = false;
     std::vector<double> contour_information = {}, contour_right_side = {}; ///< Of each of contour_rows.
     std::vector<unsigned char> is_touched = {};
@@ -276,7 +276,6 @@ struct RealtimeBuffers
     std::vector<double> alpha = {};
     AlignedBuffer<float> alpha_row = {}, psi_row = {}; ///< Padded to full width.
 
-    bool is_unfinished = false; ///< The fit before was handed to the reference, perhaps with numbers that are none.
     AlignedBuffer<float> points = {}; ///< S(a, psi) of fixed points and matches.
     AlignedBuffer<float> rest = {};   ///< And of the others.
     std::vector<int> new_rows = {};   ///< Matched, but not known of this identity.
@@ -284,12 +283,13 @@ struct RealtimeBuffers
 
     std::vector<int> present = {};
     std::vector<float> roots = {};
-    AlignedBuffer<float> factors = {}, residuals = {}, match_roots = {};
-    AlignedBuffer<float> rows = {};   ///< Projected.
-    AlignedBuffer<float> system = {}; ///< Widest of all.
+    AlignedBuffer<float> factors = {}; ///< Of the rows of points.
+    AlignedBuffer<float> rows = {};    ///< Projected.
+    AlignedBuffer<float> system = {};  ///< Widest of all.
     AlignedBuffer<float> gram = {};
     AlignedBuffer<float> right_side = {}, step = {}, free_step = {}, gradient = {};
     std::vector<signed char> next_state = {};
+    AlignedBuffer<float> is_free = {}; ///< 1 of expressions that are, 0 of others.
     std::vector<int> free = {};
 
     AlignedBuffer<float> candidates = {};
@@ -305,7 +305,8 @@ struct RealtimeBuffers
     std::vector<int> projected_rows = {};
     AlignedBuffer<float> mesh = {}, mesh_coefficients = {};
     AlignedBuffer<float> batch_coefficients = {}; ///< Of batch_size faces.
-    AlignedBuffer<float> batch_panel = {};
+    AlignedBuffer<float> batch_panel = {};        ///< Of one face.
+    AlignedBuffer<float> batch_columns = {};      ///< Of that panel, widened.
 };
 
 } // namespace lineament::detail

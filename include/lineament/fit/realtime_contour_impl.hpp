@@ -32,9 +32,9 @@ inline void RealtimeFit::match_contour()
                 match_candidates(side);
             } else if (options.contour == ContourMode::both &&
                        options.contour_matching.occluding_match != OccludingMatch::none) {
-                frame_.first_silhouette_match = static_cast<int>(frame_.matches.size());
+                frame_.first_silhouette_match = frame_.num_matches;
                 match_silhouette(side);
-                frame_.num_silhouette_matches = static_cast<int>(frame_.matches.size()) - frame_.first_silhouette_match;
+                frame_.num_silhouette_matches = frame_.num_matches - frame_.first_silhouette_match;
             }
         }
         std::fill_n(frame_.information.data() + num_points(), 8, 0.0);
@@ -45,9 +45,7 @@ inline void RealtimeFit::match_contour()
 
 inline void RealtimeFit::clear_matches()
 {
-    frame_.matches.clear();
-    frame_.match_rows.clear();
-    frame_.match_root_information.clear();
+    frame_.num_matches = 0;
     frame_.num_silhouette_matches = 0;
 }
 
@@ -55,12 +53,14 @@ inline void RealtimeFit::clear_matches()
 inline void RealtimeFit::add_match(const OutlineLandmarks& outline, int landmark, int row)
 {
     const int point = num_points();
-    frame_.matches.push_back({outline.landmark_indices[landmark], row, -1});
-    frame_.match_rows.push_back(row);
+    const int match = frame_.num_matches++;
+    frame_.match_landmarks[match] = outline.landmark_indices[landmark];
+    frame_.match_rows[match] = row;
+    frame_.match_candidates[match] = -1;
+    frame_.match_roots[match] = outline.roots[landmark];
     frame_.seen_u[point] = frame_.seen_u[outline.first_slot + landmark];
     frame_.seen_v[point] = frame_.seen_v[outline.first_slot + landmark];
     frame_.information[point] = outline.information[landmark];
-    frame_.match_root_information.push_back(outline.root_information[landmark]);
 }
 
 /// Of every landmark of a side with its nearest candidate.
@@ -68,23 +68,20 @@ inline void RealtimeFit::add_candidate_matches(const OutlineLandmarks& outline, 
                                                const int* nearest)
 {
     const int point = num_points();
-    const std::size_t first = frame_.matches.size();
-    const std::size_t count = static_cast<std::size_t>(outline.count);
+    const int first = frame_.num_matches;
     const int max_count = OutlineLandmarks::max_count; // whole vectors, more than are used
     std::copy_n(frame_.seen_u.data() + outline.first_slot, max_count, frame_.seen_u.data() + point);
     std::copy_n(frame_.seen_v.data() + outline.first_slot, max_count, frame_.seen_v.data() + point);
     std::copy(outline.information.begin(), outline.information.end(), frame_.information.data() + point);
-    frame_.matches.resize(first + count);
-    frame_.match_rows.resize(first + count);
-    frame_.match_root_information.resize(first + count);
-    RealtimeMatch* const matches = frame_.matches.data() + first;
+    std::copy(outline.landmark_indices.begin(), outline.landmark_indices.end(), frame_.match_landmarks.data() + first);
+    std::copy(outline.roots.begin(), outline.roots.end(), frame_.match_roots.data() + first);
     int* const rows = frame_.match_rows.data() + first;
-    double* const root_information = frame_.match_root_information.data() + first;
-    for (std::size_t i = 0; i < count; ++i) {
+    int* const candidates = frame_.match_candidates.data() + first;
+    for (int i = 0; i < outline.count; ++i) {
         rows[i] = region.candidate_rows[nearest[i]];
-        matches[i] = {outline.landmark_indices[i], rows[i], region.first_candidate + nearest[i]};
-        root_information[i] = outline.root_information[i];
+        candidates[i] = region.first_candidate + nearest[i];
     }
+    frame_.num_matches = first + outline.count;
 }
 
 /// Ends a list of projected points as kernels read it.

@@ -83,12 +83,12 @@ private:
     void update_jacobian();
     [[nodiscard]] std::array<double, 8> image_from_model() const;
     void update_factors();
-    void update_residuals();
     [[nodiscard]] std::array<double, 6> gram_factors() const;
     void add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows, int num_columns, int width,
                            const AlignedBuffer<float>& contour_rows, AlignedBuffer<float>& gram);
-    void add_right_side_of_matches(int width);
     void fit_identity();
+    void assemble_expressions();
+    [[nodiscard]] bool step_free_expressions();
     [[nodiscard]] bool solve_expression();
     void fit_expression_in_double();
     void fit_identity_in_double();
@@ -101,7 +101,7 @@ private:
         Eigen::VectorXd weights;
     };
     [[nodiscard]] Reference reference_points() const;
-    [[nodiscard]] int num_matches() const { return static_cast<int>(frame_.matches.size()); }
+    [[nodiscard]] int num_matches() const { return frame_.num_matches; }
     /// Of points: fixed ones, and matches from pack_.first_match on.
     [[nodiscard]] int num_points() const { return pack_.first_match + num_matches(); }
     [[nodiscard]] double weight(int point) const { return frame_.scale_factor * frame_.information[point]; }
@@ -247,7 +247,7 @@ inline bool RealtimeFit::read_landmarks()
             frame_.seen_v[frame_.slots[l]] = point.y();
             frame_.has_depth = frame_.has_depth || landmark.depth_px;
             outline.information[i] = information;
-            outline.root_information[i] = confidence == 1 ? pack_.root_contour_information : std::sqrt(information);
+            outline.roots[i] = static_cast<float>(std::sqrt(information));
             frame_.has_outline = frame_.has_outline || entry.is_measured;
         }
     }
@@ -306,11 +306,6 @@ inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const 
     if (!read_landmarks() || !read_expressions(start) || frame_.num_fixed_seen < 4) {
         return false;
     }
-    if (work_.is_unfinished) { // what kernels read beyond the points of this fit counts nothing if it is a number
-        std::fill(work_.points.data(), work_.points.data() + work_.points.size(), 0.0f);
-        std::fill(work_.factors.data(), work_.factors.data() + work_.factors.size(), 0.0f);
-    }
-    work_.is_unfinished = true;
     update_expression_row();
     update_fixed_positions();
     return estimate_pose();
@@ -328,7 +323,6 @@ inline void RealtimeFit::finish(FitResult& result, int iterations)
     update_match_positions();
     turn_by_depth();
     write(result, iterations);
-    work_.is_unfinished = false;
 }
 
 inline bool RealtimeFit::match_and_estimate_pose()
@@ -463,7 +457,7 @@ inline void RealtimeFit::update_fixed_positions()
 inline void RealtimeFit::update_match_positions()
 {
     const int num_silhouette = frame_.num_silhouette_matches;
-    if (frame_.matches.size() > static_cast<std::size_t>(num_silhouette)) {
+    if (frame_.num_matches > num_silhouette) {
         evaluate_candidates();
     }
     if (num_silhouette > 0) {
@@ -475,16 +469,16 @@ inline void RealtimeFit::update_match_positions()
     const float* contour = (frozen_ ? frozen_->neutral_ : work_.neutral).contour.data();
     const float* offset = work_.match_offset.data();
     float* position = work_.points.data() + 3 * pack_.first_match;
-    for (const RealtimeMatch& match : frame_.matches) {
-        if (match.candidate >= 0) {
-            std::copy_n(work_.candidates.data() + 3 * match.candidate, 3, position);
+    for (int i = 0; i < frame_.num_matches; ++i, position += 3) {
+        const int candidate = frame_.match_candidates[i];
+        if (candidate >= 0) {
+            std::copy_n(work_.candidates.data() + 3 * candidate, 3, position);
         } else {
             for (int axis = 0; axis < 3; ++axis) {
-                position[axis] = contour[3 * match.row + axis] + offset[axis];
+                position[axis] = contour[3 * frame_.match_rows[i] + axis] + offset[axis];
             }
             offset += 3;
         }
-        position += 3;
     }
 }
 

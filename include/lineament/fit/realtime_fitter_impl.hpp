@@ -15,18 +15,30 @@ namespace lineament {
 
 namespace detail {
 
-/// Panels first, first + 1, ... of the mesh: base + columns times coefficients, which include the columns' scales where
-/// those are 16-bit integers. `base` and `out` belong to the first of these panels.
+/// base + columns times coefficients, which include the columns' scales where those are 16-bit integers.
 inline void combine_mesh(const kernels::Kernels& kernels, const AlignedBuffer<float>& columns,
-                         const AlignedBuffer<std::int16_t>& short_columns, int num_columns, int first, int num_panels,
-                         const float* base, const float* coefficients, float* out)
+                         const ShortPanels& short_columns, int num_columns, int num_panels, const float* base,
+                         const float* coefficients, float* out)
 {
-    const std::size_t offset = static_cast<std::size_t>(first) * num_columns * kernels::panel_size;
-    if (short_columns.size() == 0) {
-        kernels.combine_panels(base, columns.data() + offset, num_panels, num_columns, coefficients, out);
+    if (short_columns.integers.size() == 0) {
+        kernels.combine_panels(base, columns.data(), num_panels, num_columns, coefficients, out);
     } else {
-        kernels.combine_panels_int16(base, short_columns.data() + offset, num_panels, num_columns, coefficients, out);
+        kernels.combine_panels_int16(base, short_columns.integers.data(), num_panels, num_columns, coefficients, out);
     }
+}
+
+/// The columns of one panel in single precision, in `widened` if they are shorter.
+[[nodiscard]] inline const float* columns_of_panel(const kernels::Kernels& kernels, const AlignedBuffer<float>& columns,
+                                                   const ShortPanels& short_columns, int num_columns, int panel,
+                                                   float* widened)
+{
+    const int size = num_columns * kernels::panel_size;
+    const std::size_t offset = static_cast<std::size_t>(panel) * size;
+    if (short_columns.integers.size() == 0) {
+        return columns.data() + offset;
+    }
+    kernels.widen(short_columns.integers.data() + offset, size, widened);
+    return widened;
 }
 
 /// Coefficients as combine_mesh takes them; no scales: as they are.
@@ -47,7 +59,7 @@ LINEAMENT_FIT_INLINE RealtimeFitter::RealtimeFitter(MorphableModel model, std::s
     const std::optional<double>& focal_length_px = reference_.options().focal_length_px;
     require(!focal_length_px.has_value(), "RealtimeFitter", "options.focal_length_px",
             "none: perspective fits are FaceFitter's", to_text(focal_length_px.value_or(0)));
-    pack_ = detail::make_pack(reference_, mesh_storage == MeshStorage::int16);
+    pack_ = detail::make_pack(reference_, mesh_storage, kernels.prefers_int16);
 }
 
 LINEAMENT_FIT_INLINE RealtimeWorkspace RealtimeFitter::make_workspace() const
@@ -141,8 +153,8 @@ LINEAMENT_FIT_INLINE FrozenIdentity RealtimeFitter::freeze(const Eigen::VectorXd
 LINEAMENT_FIT_INLINE void RealtimeFitter::evaluate_neutral_mesh(const Eigen::VectorXd& coefficients, float* scaled,
                                                                 float* out) const
 {
-    detail::scale_coefficients(coefficients, pack_.mesh_identity_scales, scaled);
-    detail::combine_mesh(*kernels_, pack_.mesh.identity, pack_.mesh_identity, pack_.num_shape, 0, pack_.mesh.num_panels,
+    detail::scale_coefficients(coefficients, pack_.short_identity.scales, scaled);
+    detail::combine_mesh(*kernels_, pack_.mesh.identity, pack_.short_identity, pack_.num_shape, pack_.mesh.num_panels,
                          pack_.mesh.mean.data(), scaled, out);
 }
 
@@ -151,14 +163,26 @@ RealtimeFitter::add_expression(const float* neutral, const FitResult& fit, Realt
 {
     detail::RealtimeBuffers& buffers = workspace.buffers_;
     float* scaled = buffers.mesh_coefficients.data();
-    detail::scale_coefficients(fit.expression_coefficients, pack_.mesh_expression_scales, scaled);
     if (pack_.mesh_expression_blocks.runs.empty()) {
-        detail::combine_mesh(*kernels_, pack_.mesh.expression, pack_.mesh_expression, pack_.num_expressions, 0,
+        detail::scale_coefficients(fit.expression_coefficients, pack_.short_expression.scales, scaled);
+        detail::combine_mesh(*kernels_, pack_.mesh.expression, pack_.short_expression, pack_.num_expressions,
                              pack_.mesh.num_panels, neutral, scaled, buffers.mesh.data());
     } else {
+        detail::scale_coefficients(fit.expression_coefficients, {}, scaled);
         kernels_->combine_blocks(neutral, pack_.mesh_expression_blocks.view(), scaled, buffers.mesh.data());
     }
     return {buffers.mesh.data(), 3, pack_.mesh.num_points};
+}
+
+LINEAMENT_FIT_INLINE MeshBytes RealtimeFitter::mesh_bytes() const
+{
+    const auto bytes = [](const detail::AlignedBuffer<float>& columns, const detail::ShortPanels& short_columns) {
+        return sizeof(float) * columns.size() + sizeof(std::int16_t) * short_columns.integers.size();
+    };
+    const detail::ColumnBlocks& blocks = pack_.mesh_expression_blocks;
+    return {bytes(pack_.mesh.identity, pack_.short_identity), blocks.runs.empty()
+                                                                  ? bytes(pack_.mesh.expression, pack_.short_expression)
+                                                                  : sizeof(float) * blocks.values.size()};
 }
 
 LINEAMENT_FIT_INLINE void RealtimeFitter::check_coefficients(const FitResult& fit, const char* function) const
@@ -197,24 +221,29 @@ LINEAMENT_FIT_INLINE void RealtimeFitter::shapes_of(std::span<const FitResult> f
     const int stride = pack_.shape_width + pack_.expression_width;
     float* coefficients = workspace.buffers_.batch_coefficients.data();
     float* panel = workspace.buffers_.batch_panel.data();
+    float* columns = workspace.buffers_.batch_columns.data();
     for (std::size_t begin = 0; begin < fits.size(); begin += detail::batch_size) {
         const std::size_t count = std::min<std::size_t>(detail::batch_size, fits.size() - begin);
         for (std::size_t f = 0; f < count; ++f) {
             const FitResult& fit = fits[begin + f];
             float* alpha = coefficients + f * stride;
-            detail::scale_coefficients(fit.shape_coefficients, pack_.mesh_identity_scales, alpha);
-            detail::scale_coefficients(fit.expression_coefficients, pack_.mesh_expression_scales,
+            detail::scale_coefficients(fit.shape_coefficients, pack_.short_identity.scales, alpha);
+            detail::scale_coefficients(fit.expression_coefficients, pack_.short_expression.scales,
                                        alpha + pack_.shape_width);
         }
         for (int p = 0; p < pack_.mesh.num_panels; ++p) {
             const Eigen::Index first_row = static_cast<Eigen::Index>(p) * kernels::panel_size;
             const Eigen::Index rows = std::min<Eigen::Index>(kernels::panel_size, num_rows - first_row);
+            const float* identity = detail::columns_of_panel(*kernels_, pack_.mesh.identity, pack_.short_identity,
+                                                             pack_.num_shape, p, columns);
+            const float* expression =
+                detail::columns_of_panel(*kernels_, pack_.mesh.expression, pack_.short_expression,
+                                         pack_.num_expressions, p, columns + pack_.num_shape * kernels::panel_size);
             for (std::size_t f = 0; f < count; ++f) { // the panel's columns stay in the nearest cache
                 const float* alpha = coefficients + f * stride;
-                detail::combine_mesh(*kernels_, pack_.mesh.identity, pack_.mesh_identity, pack_.num_shape, p, 1,
-                                     pack_.mesh.mean.data() + first_row, alpha, panel);
-                detail::combine_mesh(*kernels_, pack_.mesh.expression, pack_.mesh_expression, pack_.num_expressions, p,
-                                     1, panel, alpha + pack_.shape_width, panel);
+                kernels_->combine_panels(pack_.mesh.mean.data() + first_row, identity, 1, pack_.num_shape, alpha,
+                                         panel);
+                kernels_->combine_panels(panel, expression, 1, pack_.num_expressions, alpha + pack_.shape_width, panel);
                 std::copy_n(panel, rows, shapes.col(static_cast<Eigen::Index>(begin + f)).data() + first_row);
             }
         }

@@ -20,7 +20,7 @@ namespace lineament::detail {
 inline void clear(IdentitySums& sums)
 {
     sums.grams.fill(0.0);
-    std::fill(sums.fixed_right_side.begin(), sums.fixed_right_side.end(), 0.0);
+    std::fill_n(sums.fixed_right_side.data(), sums.fixed_right_side.size(), 0.0);
     if (sums.has_fixed_information) {
         std::fill(sums.fixed_information.begin(), sums.fixed_information.end(), 0.0);
         sums.has_fixed_information = false;
@@ -36,34 +36,30 @@ inline void clear(IdentitySums& sums)
 inline void RealtimeFit::add_to(IdentitySums& sums)
 {
     update_factors();
+    using Information = Eigen::Array<double, 6, 1>;
     const std::array<double, 6> factors = gram_factors();
-    const auto add_information = [&](double weight, double* to) {
-        for (int g = 0; g < 6; ++g) {
-            to[g] += weight * factors[g];
-        }
-    };
+    const Information nominal = Eigen::Map<const Information>(factors.data());
     if (frame_.is_nominal) {
-        add_information(1.0, sums.grams.data());
+        Eigen::Map<Information>(sums.grams.data()) += nominal;
     } else {
         sums.has_fixed_information = true;
         for (int i = 0; i < pack_.fixed.num_points; ++i) {
-            add_information(frame_.information[i], &sums.fixed_information[6 * i]);
+            Eigen::Map<Information>(&sums.fixed_information[6 * i]) += frame_.information[i] * nominal;
         }
     }
-    for (int i = 0; i < 3 * pack_.fixed.num_points; ++i) {
-        sums.fixed_right_side[i] += work_.factors[i];
-    }
+    const double one = 1;
+    kernels_.add_wide(work_.factors.data(), 1, 3 * pack_.first_match, &one, sums.fixed_right_side.data());
     const float* match_factors = work_.factors.data() + 3 * pack_.first_match;
+    const double* information = frame_.information.data() + pack_.first_match;
     for (int i = 0; i < num_matches(); ++i) {
         const int row = frame_.match_rows[i];
         if (!sums.is_touched[row]) {
             sums.is_touched[row] = 1;
             sums.touched.push_back(row);
         }
-        add_information(frame_.information[pack_.first_match + i], &sums.contour_information[6 * row]);
-        for (int axis = 0; axis < 3; ++axis) {
-            sums.contour_right_side[3 * row + axis] += match_factors[3 * i + axis];
-        }
+        Eigen::Map<Information>(&sums.contour_information[6 * row]) += information[i] * nominal;
+        Eigen::Map<Eigen::Array3d>(&sums.contour_right_side[3 * row]) +=
+            Eigen::Map<const Eigen::Array3f>(match_factors + 3 * i).cast<double>();
     }
 }
 
@@ -219,8 +215,7 @@ inline bool RealtimeFramesFit::solve_identity(double regularization)
         add_rows_of(pack_.contour_rows, row, &sums.contour_information[6 * row]);
         float factors[3];
         std::copy_n(&sums.contour_right_side[3 * row], 3, factors);
-        kernels_.add_rows(pack_.contour_rows.identity.data() + static_cast<std::ptrdiff_t>(3 * width) * row, 3, width,
-                          factors, right_side);
+        kernels_.add_point_rows(pack_.contour_rows.identity.data(), width, &row, 1, factors, right_side);
     }
     flush_rows();
     return pack_.num_shape == 0 || step_identity(kernels_, pack_, regularization, work_);

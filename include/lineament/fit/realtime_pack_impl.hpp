@@ -150,23 +150,64 @@ namespace lineament::detail {
     return blocks;
 }
 
-/// The columns of panels in 16-bit integers with one scale a column.
-inline void shorten_panels(const AlignedBuffer<float>& panels, int num_columns, AlignedBuffer<std::int16_t>& shortened,
-                           std::vector<float>& scales)
+/// The numbers of a column of panels.
+[[nodiscard]] inline std::vector<float> column_of(const AlignedBuffer<float>& panels, int num_columns, int column)
 {
-    shortened = AlignedBuffer<std::int16_t>(panels.size());
-    std::vector<float> largest(num_columns, 0.0f);
-    const auto column_of = [&](std::size_t i) { return (i / kernels::panel_size) % num_columns; };
-    for (std::size_t i = 0; i < panels.size(); ++i) {
-        largest[column_of(i)] = std::max(largest[column_of(i)], std::abs(panels[i]));
+    std::vector<float> numbers;
+    numbers.reserve(panels.size() / static_cast<std::size_t>(num_columns));
+    for (std::size_t at = static_cast<std::size_t>(column) * kernels::panel_size; at < panels.size();
+         at += static_cast<std::size_t>(num_columns) * kernels::panel_size) {
+        numbers.insert(numbers.end(), panels.data() + at, panels.data() + at + kernels::panel_size);
     }
-    scales.resize(num_columns);
+    return numbers;
+}
+
+[[nodiscard]] inline double largest_of(const std::vector<float>& numbers)
+{
+    float largest = 0;
+    for (const float number : numbers) {
+        largest = std::max(largest, std::abs(number));
+    }
+    return largest;
+}
+
+/// The scale, a power of two times `unit`, of which the numbers are 16-bit integers, as in a model that was saved in 16
+/// bits; none: they are not.
+[[nodiscard]] inline std::optional<double> find_scale(const std::vector<float>& numbers, double unit)
+{
+    int exponent = 0;
+    (void)std::frexp(largest_of(numbers) / unit, &exponent);
+    const double scale = std::ldexp(unit, exponent - 15);
+    const bool is_exact = std::all_of(numbers.begin(), numbers.end(), [&](double number) {
+        const double integer = std::nearbyint(number / scale);
+        return std::abs(integer) <= 32767 && static_cast<float>(integer * scale) == static_cast<float>(number);
+    });
+    return is_exact ? std::optional(scale) : std::nullopt;
+}
+
+/// @param units  Of the columns, for find_scale.
+/// @param must_be_exact  Nothing unless no column loses anything.
+[[nodiscard]] inline std::optional<ShortPanels> shorten(const AlignedBuffer<float>& panels,
+                                                        const Eigen::VectorXd& units, bool must_be_exact)
+{
+    const int num_columns = static_cast<int>(units.size());
+    ShortPanels shortened;
+    shortened.integers = AlignedBuffer<std::int16_t>(panels.size());
     for (int j = 0; j < num_columns; ++j) {
-        scales[j] = largest[j] > 0 ? largest[j] / 32767.0f : 1.0f;
+        const std::vector<float> numbers = column_of(panels, num_columns, j);
+        std::optional<double> scale = find_scale(numbers, units[j]);
+        if (!scale && must_be_exact) {
+            return std::nullopt;
+        }
+        scale = scale.value_or(largest_of(numbers) / 32767.0); // a column of zeros has one
+        shortened.scales.push_back(static_cast<float>(*scale));
+        for (std::size_t i = 0; i < numbers.size(); ++i) {
+            const std::size_t panel = i / kernels::panel_size;
+            shortened.integers[(panel * num_columns + j) * kernels::panel_size + i % kernels::panel_size] =
+                static_cast<std::int16_t>(std::lround(numbers[i] / *scale));
+        }
     }
-    for (std::size_t i = 0; i < panels.size(); ++i) {
-        shortened[i] = static_cast<std::int16_t>(std::lround(panels[i] / scales[column_of(i)]));
-    }
+    return shortened;
 }
 
 /// Puts the triangles in groups of at most 16 by halves of the longest side of their centres' box, and these in order.
@@ -276,7 +317,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     pack.max_matches = static_cast<int>(row_vertices.size()) + 16;
 }
 
-[[nodiscard]] inline RealtimePack make_pack(const FaceFitter& fitter, bool is_mesh_short)
+[[nodiscard]] inline RealtimePack make_pack(const FaceFitter& fitter, MeshStorage storage, bool prefers_int16)
 {
     const FitOptions& options = fitter.options();
     const LandmarkMap& map = fitter.landmark_map();
@@ -310,7 +351,6 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
         pack.map.push_back(entry);
     }
     pack.contour_information = information_of(options.contour_sigma_mm);
-    pack.root_contour_information = std::sqrt(pack.contour_information);
     const auto points_of = [&](const std::vector<int>& landmarks) {
         ModelPoints points =
             ModelPoints::sized(static_cast<Eigen::Index>(landmarks.size()), pack.num_shape, pack.num_expressions);
@@ -335,13 +375,21 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     }
     pack.mesh = make_panels(vertex_points(fitter.model(), all, fitter.expressions(), pack.num_shape),
                             CoordinateOrder::interleaved);
-    if (is_mesh_short) {
-        shorten_panels(pack.mesh.identity, pack.num_shape, pack.mesh_identity, pack.mesh_identity_scales);
-        shorten_panels(pack.mesh.expression, pack.num_expressions, pack.mesh_expression, pack.mesh_expression_scales);
-        pack.mesh.identity = {};
-        pack.mesh.expression = {};
-    } else {
+    if (storage == MeshStorage::float32) {
         pack.mesh_expression_blocks = make_blocks(pack.mesh.expression, pack.mesh.num_panels, pack.num_expressions);
+    }
+    if (storage == MeshStorage::int16 || prefers_int16) {
+        const bool must_be_exact = storage != MeshStorage::int16;
+        const auto shorten_columns = [&](AlignedBuffer<float>& panels, const Eigen::VectorXd& units, ShortPanels& to) {
+            if (std::optional<ShortPanels> shortened = shorten(panels, units, must_be_exact)) {
+                to = std::move(*shortened);
+                panels = {};
+            }
+        };
+        shorten_columns(pack.mesh.identity,
+                        fitter.model().shape.standard_deviations.head(pack.num_shape).cast<double>(),
+                        pack.short_identity);
+        shorten_columns(pack.mesh.expression, Eigen::VectorXd::Ones(pack.num_expressions), pack.short_expression);
     }
     return pack;
 }
@@ -382,9 +430,10 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     frame.seen_u = AlignedBuffer<double>(static_cast<std::size_t>(frame.spare_slot) + 1);
     frame.seen_v = AlignedBuffer<double>(static_cast<std::size_t>(frame.spare_slot) + 1);
     frame.information = AlignedBuffer<double>(max_points(pack));
-    frame.matches.reserve(max_matches);
-    frame.match_rows.reserve(max_matches);
-    frame.match_root_information.reserve(max_matches);
+    frame.match_landmarks.resize(max_matches);
+    frame.match_rows.resize(max_matches);
+    frame.match_candidates.resize(max_matches);
+    frame.match_roots.resize(max_matches);
     frame.psi.resize(pack.num_expressions);
     frame.bound_state.resize(pack.num_expressions);
     return frame;
@@ -396,7 +445,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     const std::size_t num_rows = pack.contour_vertices.size();
     IdentitySums sums;
     sums.fixed_information.resize(6 * num_fixed);
-    sums.fixed_right_side.resize(3 * num_fixed);
+    sums.fixed_right_side = AlignedBuffer<double>(3 * static_cast<std::size_t>(pack.first_match));
     sums.contour_information.resize(6 * num_rows);
     sums.contour_right_side.resize(3 * num_rows);
     sums.is_touched.resize(num_rows);
@@ -427,8 +476,6 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.present.reserve(num_fixed);
     buffers.roots.reserve(num_fixed);
     buffers.factors = AlignedBuffer<float>(std::max(pack.fixed.size(), 3 * max_points(pack)));
-    buffers.residuals = AlignedBuffer<float>(2 * max_matches);
-    buffers.match_roots = AlignedBuffer<float>(max_matches);
     // RealtimeFramesFit needs 64 rows even where there is no outline.
     buffers.rows = AlignedBuffer<float>(2 * std::max({num_fixed, max_matches, std::size_t{32}}) * width);
     // A system in all expressions needs one column more than their rows have.
@@ -440,6 +487,7 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.free_step = AlignedBuffer<float>(system_width);
     buffers.gradient = AlignedBuffer<float>(system_width);
     buffers.next_state.resize(pack.num_expressions);
+    buffers.is_free = AlignedBuffer<float>(pack.expression_width);
     buffers.free.reserve(pack.num_expressions);
 
     std::size_t num_seen = 0;
@@ -470,6 +518,8 @@ inline void pack_contour(const FaceFitter& fitter, RealtimePack& pack)
     buffers.batch_coefficients =
         AlignedBuffer<float>(static_cast<std::size_t>(batch_size) * (pack.shape_width + pack.expression_width));
     buffers.batch_panel = AlignedBuffer<float>(kernels::panel_size);
+    buffers.batch_columns =
+        AlignedBuffer<float>(static_cast<std::size_t>(kernels::panel_size) * (pack.num_shape + pack.num_expressions));
     return buffers;
 }
 

@@ -87,8 +87,8 @@ inline void RealtimeFit::turn_by_depth()
     for (int i = 0; i < num_points(); ++i) {
         if (weight(i) > 0) {
             const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(work_.points.data() + 3 * i).cast<double>();
-            const int landmark = i < pack_.first_match ? frame_.landmark_of_fixed[i]
-                                                       : frame_.matches[i - pack_.first_match].landmark_index;
+            const int landmark =
+                i < pack_.first_match ? frame_.landmark_of_fixed[i] : frame_.match_landmarks[i - pack_.first_match];
             const std::optional<double> depth_px = landmarks_.landmarks[landmark].depth_px;
             const Eigen::Vector3d seen(frame_.seen_u[i], frame_.seen_v[i], depth_px.value_or(0.0));
             all.add(weight(i), point, seen);

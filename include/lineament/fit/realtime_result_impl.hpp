@@ -109,7 +109,7 @@ inline std::array<int, 2 * OutlineLandmarks::max_count + 1> RealtimeFit::shown_m
     const double* const squared = work_.squared_residuals.data();
     for (int i = 0; i < num_matches(); ++i) {
         const int point = pack_.first_match + i;
-        int& nearest = shown[frame_.slots[frame_.matches[i].landmark_index] - frame_.first_outline_slot];
+        int& nearest = shown[frame_.slots[frame_.match_landmarks[i]] - frame_.first_outline_slot];
         if (nearest < 0 || squared[point] < squared[nearest]) {
             nearest = point;
         }

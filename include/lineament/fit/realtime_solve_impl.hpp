@@ -21,28 +21,6 @@ inline void RealtimeFit::update_factors()
                               work_.factors.data());
 }
 
-/// And of matches the roots of their weights and the residuals times these.
-inline void RealtimeFit::update_residuals()
-{
-    update_factors();
-    const std::array<double, 8> m = image_from_model();
-    const double root_scale_factor = std::sqrt(frame_.scale_factor);
-    const float* p = work_.points.data() + 3 * pack_.first_match;
-    const double* u = frame_.seen_u.data() + pack_.first_match;
-    const double* v = frame_.seen_v.data() + pack_.first_match;
-    const double* root_information = frame_.match_root_information.data();
-    float* roots = work_.match_roots.data();
-    float* residuals = work_.residuals.data();
-    const std::size_t count = frame_.matches.size();
-    for (std::size_t i = 0; i < count; ++i) {
-        const double x = p[3 * i], y = p[3 * i + 1], z = p[3 * i + 2];
-        const double root = root_scale_factor * root_information[i];
-        roots[i] = static_cast<float>(root);
-        residuals[2 * i] = static_cast<float>(root * (u[i] - (m[0] * x + m[1] * y + m[2] * z + m[3])));
-        residuals[2 * i + 1] = static_cast<float>(root * (v[i] - (m[4] * x + m[5] * y + m[6] * z + m[7])));
-    }
-}
-
 /// How often each of the six Gram matrices counts: w J^T J of a point of information 1, in their order.
 inline std::array<double, 6> RealtimeFit::gram_factors() const
 {
@@ -53,12 +31,16 @@ inline std::array<double, 6> RealtimeFit::gram_factors() const
     return {f * (1 - x * x), f * (1 - y * y), f * (1 - z * z), -f * x * y, -f * x * z, -f * y * z};
 }
 
-/// sum w (J B)^T J B of all points, in the leading columns; leaves the projected rows of the matches in work_.rows.
+/// sum w (J B)^T J B of all points, in the leading columns.
 inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, const PointRows& fixed_rows,
                                            int num_columns, int width, const AlignedBuffer<float>& contour_rows,
                                            AlignedBuffer<float>& gram)
 {
     const bool is_identity = &grams == &pack_.identity_grams;
+    std::array<float, 6> jacobian = frame_.jacobian; // times the root of what weights have in common
+    for (float& entry : jacobian) {
+        entry *= static_cast<float>(std::sqrt(frame_.scale_factor));
+    }
     if (frame_.is_nominal) {
         const std::array<double, 6> factors = gram_factors();
         float scales[6];
@@ -71,24 +53,17 @@ inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, co
         for (int i = 0; i < pack_.fixed.num_points; ++i) {
             if (frame_.landmark_of_fixed[i] >= 0) {
                 work_.present.push_back(i);
-                work_.roots.push_back(static_cast<float>(std::sqrt(weight(i))));
+                work_.roots.push_back(static_cast<float>(std::sqrt(frame_.information[i])));
             }
         }
         kernels_.project_rows((is_identity ? fixed_rows.identity : fixed_rows.expression).data(), width,
-                              work_.present.data(), frame_.num_fixed_seen, frame_.jacobian.data(), work_.roots.data(),
+                              work_.present.data(), frame_.num_fixed_seen, jacobian.data(), work_.roots.data(),
                               work_.rows.data());
         kernels_.add_leading_gram(work_.rows.data(), 2 * frame_.num_fixed_seen, num_columns, width, gram.data());
     }
-    const int count = static_cast<int>(frame_.matches.size());
-    kernels_.project_rows(contour_rows.data(), width, frame_.match_rows.data(), count, frame_.jacobian.data(),
-                          work_.match_roots.data(), work_.rows.data());
-    kernels_.add_leading_gram(work_.rows.data(), 2 * count, num_columns, width, gram.data());
-}
-
-/// work_.right_side += sum w (J B)^T (y - x) of matches, with the projected rows of add_normal_matrix.
-inline void RealtimeFit::add_right_side_of_matches(int width)
-{
-    kernels_.add_rows(work_.rows.data(), 2 * num_matches(), width, work_.residuals.data(), work_.right_side.data());
+    kernels_.project_rows(contour_rows.data(), width, frame_.match_rows.data(), num_matches(), jacobian.data(),
+                          frame_.match_roots.data(), work_.rows.data());
+    kernels_.add_leading_gram(work_.rows.data(), 2 * num_matches(), num_columns, width, gram.data());
 }
 
 /// Adds the prior to the normal equations in work.system and work.right_side and takes their step from work.alpha.
@@ -124,13 +99,14 @@ inline void RealtimeFit::fit_identity()
     identity_status_ = FitStatus::success;
     if (pack_.num_shape > 0) {
         const int width = pack_.shape_width;
-        update_residuals();
+        update_factors();
         add_normal_matrix(pack_.identity_grams, pack_.fixed_rows, width, width, pack_.contour_rows.identity,
                           work_.system);
         std::fill_n(work_.right_side.data(), width, 0.0f);
         kernels_.add_rows(pack_.fixed_rows.identity.data(), 3 * pack_.fixed.num_points, width, work_.factors.data(),
                           work_.right_side.data());
-        add_right_side_of_matches(width);
+        kernels_.add_point_rows(pack_.contour_rows.identity.data(), width, frame_.match_rows.data(), num_matches(),
+                                work_.factors.data() + 3 * pack_.first_match, work_.right_side.data());
         if (!step_identity(kernels_, pack_, fitter_.reference_.options().regularization, work_)) {
             fit_identity_in_double();
         }
@@ -158,88 +134,120 @@ inline void RealtimeFit::fit_expression()
     update_fixed_positions();
 }
 
-/// Block principal pivoting (Portugal, Judice and Vicente 1994) on the step from the present psi, from the set that was
-/// free in the solve before. False if it does not settle or the system is singular to single precision.
-inline bool RealtimeFit::solve_expression()
+/// Normal equations of the step from the present psi: work_.gram in full, work_.right_side.
+inline void RealtimeFit::assemble_expressions()
 {
-    const FitOptions& options = fitter_.reference_.options();
     const int k = pack_.num_expressions;
     const int width = pack_.expression_width;
-    update_residuals();
+    update_factors();
     add_normal_matrix(pack_.expression_grams, pack_.fixed_rows, k, width, pack_.contour_rows.expression, work_.gram);
-    std::fill_n(work_.right_side.data(), width, 0.0f);
-    // Panels are wider than the fixed points; their columns are zero there.
-    kernels_.multiply_panels(pack_.fixed.expression.data(), pack_.fixed.num_panels, k, work_.factors.data(),
-                             work_.right_side.data());
-    add_right_side_of_matches(width);
-
-    const double precision = 1 / (options.expression_sigma * options.expression_sigma);
     float* gram = work_.gram.data();
+    const double sigma = fitter_.reference_.options().expression_sigma;
+    const double precision = 1 / (sigma * sigma);
     for (int i = 0; i < k; ++i) {
         for (int j = 0; j < i; ++j) {
             gram[i * width + j] = gram[j * width + i];
         }
         gram[i * width + i] += static_cast<float>(precision);
-        work_.right_side[i] = static_cast<float>(work_.right_side[i] - precision * frame_.psi[i]);
     }
+    float* right_side = work_.right_side.data();
+    std::fill_n(right_side, width, 0.0f);
+    kernels_.add_point_rows(pack_.contour_rows.expression.data(), width, frame_.match_rows.data(), num_matches(),
+                            work_.factors.data() + 3 * pack_.first_match, right_side);
+    // Panels are wider than the fixed points; their columns are zero there.
+    float* of_fixed = work_.free_step.data();
+    kernels_.multiply_panels(pack_.fixed.expression.data(), pack_.fixed.num_panels, k, work_.factors.data(), of_fixed);
+    for (int i = 0; i < k; ++i) {
+        right_side[i] = static_cast<float>(right_side[i] + of_fixed[i] - precision * frame_.psi[i]);
+    }
+}
+
+/// The step of free expressions in work_.step, where those at a bound make theirs, and what is left of the right side
+/// then, minus the gradient, in work_.gradient. False where the system is singular to single precision.
+inline bool RealtimeFit::step_free_expressions()
+{
+    const int k = pack_.num_expressions;
+    const int width = pack_.expression_width;
+    const float* gram = work_.gram.data();
+    const float* right_side = work_.right_side.data();
+    float* step = work_.step.data();
+    float* gradient = work_.gradient.data();
+    if (k <= kernels::max_few) {
+        return kernels_.solve_few(gram, k, width, right_side, work_.is_free.data(), step, gradient) > least_pivot;
+    }
+    work_.free.clear();
+    for (int j = 0; j < k; ++j) {
+        if (work_.is_free[j] != 0) {
+            work_.free.push_back(j);
+            step[j] = 0;
+        }
+    }
+    const auto update_gradient = [&] {
+        std::copy_n(right_side, width, gradient);
+        if (std::any_of(step, step + k, [](float value) { return value != 0; })) {
+            std::transform(step, step + k, work_.free_step.data(), [](float value) { return -value; });
+            kernels_.add_rows(gram, k, width, work_.free_step.data(), gradient);
+        }
+    };
+    update_gradient();
+    const int num_free = static_cast<int>(work_.free.size());
+    if (num_free == 0) {
+        return true;
+    }
+    const int system_width = kernels::round_up(num_free + 1, kernels::width_step);
+    float* system = work_.system.data();
+    std::fill_n(system, static_cast<std::size_t>(num_free) * system_width, 0.0f);
+    for (int i = 0; i < num_free; ++i) {
+        const float* from = gram + work_.free[i] * width;
+        for (int j = i; j < num_free; ++j) {
+            system[i * system_width + j] = from[work_.free[j]];
+        }
+        system[i * system_width + num_free] = gradient[work_.free[i]];
+    }
+    float* solution = work_.free_step.data();
+    if (!(kernels_.solve_positive(system, num_free, system_width, solution) > least_pivot)) {
+        return false;
+    }
+    for (int i = 0; i < num_free; ++i) {
+        step[work_.free[i]] = solution[i];
+    }
+    if (num_free < k) { // it is that of those at a bound that is asked for
+        update_gradient();
+    }
+    return true;
+}
+
+/// Block principal pivoting (Portugal, Judice and Vicente 1994) on the step from the present psi, from the set that was
+/// free in the solve before. False if it does not settle or the system is singular to single precision.
+inline bool RealtimeFit::solve_expression()
+{
+    const double upper = fitter_.reference_.options().max_expression;
+    const int k = pack_.num_expressions;
+    assemble_expressions();
+    const float* gram = work_.gram.data();
+    const int width = pack_.expression_width;
     int fewest = k + 1;
     int patience = 3;
     for (int round = 0; round < 60; ++round) {
-        // Those at a bound make their step; the rest solve for theirs.
-        work_.free.clear();
         for (int j = 0; j < k; ++j) {
-            work_.step[j] = 0;
-            if (frame_.bound_state[j] == 0) {
-                work_.free.push_back(j);
-            } else {
-                const double goal = frame_.bound_state[j] < 0 ? 0.0 : options.max_expression;
-                work_.step[j] = static_cast<float>(goal - frame_.psi[j]);
-            }
+            const signed char state = frame_.bound_state[j];
+            work_.is_free[j] = state == 0 ? 1.0f : 0.0f;
+            work_.step[j] = static_cast<float>((state < 0 ? 0.0 : upper) - frame_.psi[j]);
         }
-        std::fill_n(work_.gradient.data(), width, 0.0f);
-        if (std::any_of(work_.step.data(), work_.step.data() + k, [](float step) { return step != 0; })) {
-            kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
-        }
-        const int num_free = static_cast<int>(work_.free.size());
-        if (num_free > 0) {
-            const int system_width = kernels::round_up(num_free + 1, kernels::width_step);
-            float* system = work_.system.data();
-            std::fill_n(system, static_cast<std::size_t>(num_free) * system_width, 0.0f);
-            for (int i = 0; i < num_free; ++i) {
-                const float* from = gram + work_.free[i] * width;
-                for (int j = i; j < num_free; ++j) {
-                    system[i * system_width + j] = from[work_.free[j]];
-                }
-                system[i * system_width + num_free] = work_.right_side[work_.free[i]] - work_.gradient[work_.free[i]];
-            }
-            float* solution = work_.free_step.data();
-            if (!(kernels_.solve_positive(system, num_free, system_width, solution) > least_pivot)) {
-                return false;
-            }
-            for (int i = 0; i < num_free; ++i) {
-                work_.step[work_.free[i]] = solution[i];
-            }
-            if (num_free < k) { // it is that of those at a bound that is asked for
-                std::fill_n(work_.gradient.data(), width, 0.0f);
-                kernels_.add_rows(gram, k, width, work_.step.data(), work_.gradient.data());
-            }
+        if (!step_free_expressions()) {
+            return false;
         }
         int num_wrong = 0;
         int last_wrong = -1;
         for (int j = 0; j < k; ++j) {
-            const float gradient = work_.gradient[j] - work_.right_side[j];
             const double value = frame_.psi[j] + work_.step[j];
             const signed char state = frame_.bound_state[j];
-            signed char next = state;
-            if (state == 0) {
-                next = value < 0 ? -1 : value > options.max_expression ? 1 : 0;
-            } else if (state * gradient >
-                       3e-7f * (std::abs(work_.right_side[j]) + std::abs(work_.gradient[j]) + gram[j * width + j])) {
-                // more than the rounding of its terms
-                next = 0;
-            }
-            work_.next_state[j] = next;
-            if (next != state) {
+            // More than the rounding of the gradient's terms.
+            const float rounding = 3e-7f * (2 * std::abs(work_.right_side[j]) + gram[j * width + j]);
+            const signed char next_of_free = value < 0 ? -1 : value > upper ? 1 : 0;
+            const signed char next_of_held = -state * work_.gradient[j] > rounding ? 0 : state;
+            work_.next_state[j] = state == 0 ? next_of_free : next_of_held;
+            if (work_.next_state[j] != state) {
                 ++num_wrong;
                 last_wrong = j;
             }
@@ -248,7 +256,7 @@ inline bool RealtimeFit::solve_expression()
             for (int j = 0; j < k; ++j) {
                 const signed char state = frame_.bound_state[j];
                 frame_.psi[j] = state < 0   ? 0.0
-                                : state > 0 ? options.max_expression
+                                : state > 0 ? upper
                                             : frame_.psi[j] + static_cast<double>(work_.step[j]);
             }
             return true;
@@ -270,7 +278,7 @@ inline bool RealtimeFit::solve_expression()
 
 inline RealtimeFit::Reference RealtimeFit::reference_points() const
 {
-    const Eigen::Index count = frame_.num_fixed_seen + static_cast<Eigen::Index>(frame_.matches.size());
+    const Eigen::Index count = frame_.num_fixed_seen + num_matches();
     Reference reference;
     reference.points = ModelPoints::sized(count, pack_.num_shape, pack_.num_expressions);
     reference.image_points.resize(2, count);
@@ -286,9 +294,8 @@ inline RealtimeFit::Reference RealtimeFit::reference_points() const
         }
     }
     for (int i = 0; i < num_matches(); ++i, ++to) {
-        const RealtimeMatch& match = frame_.matches[i];
-        fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[match.row]);
-        reference.image_points.col(to) = landmarks_.landmarks[match.landmark_index].point_px;
+        fitter_.reference_.assign_vertex(reference.points, to, pack_.contour_vertices[frame_.match_rows[i]]);
+        reference.image_points.col(to) = landmarks_.landmarks[frame_.match_landmarks[i]].point_px;
         reference.weights[to] = weight(pack_.first_match + i);
     }
     return reference;
