@@ -320,6 +320,30 @@ TEST(JointFitter, IntervalsCoverThePlantedTruth)
     EXPECT_NEAR(chi_square / 120, 1, 0.15);
 }
 
+TEST(JointFitter, CertaintyIsLeftOutOnRequestAndNothingElse)
+{
+    Random random(161);
+    const Planted planted = plant(random, 3, 2.0);
+    JointOptions options = with_bias(2.0);
+    const JointFitter fitter(synthetic_face(), "ibug68", options);
+    options.with_covariance = false;
+    const JointFitter plain(synthetic_face(), "ibug68", options);
+    const JointFramesResult full = fitter.fit_frames(planted.images, centre);
+    const JointFramesResult bare = plain.fit_frames(planted.images, centre);
+    EXPECT_EQ(bare.status, full.status);
+    EXPECT_EQ(bare.shape_coefficients, full.shape_coefficients);
+    EXPECT_EQ(bare.chi_square, full.chi_square);
+    EXPECT_GT(full.shape_covariance.size(), 0);
+    EXPECT_EQ(bare.shape_covariance.size(), 0);
+    for (std::size_t f = 0; f < full.frames.size(); ++f) {
+        EXPECT_EQ(bare.frames[f].fit.expression_coefficients, full.frames[f].fit.expression_coefficients);
+        EXPECT_EQ(bare.frames[f].covariance.size(), 0);
+        EXPECT_EQ(bare.frames[f].expression_deviations.size(), 0);
+        EXPECT_EQ(plain.identity_information(planted.images[f], bare.frames[f]).matrix,
+                  fitter.identity_information(planted.images[f], full.frames[f]).matrix);
+    }
+}
+
 TEST(JointFitter, UnobservableExpressionsAreThoseTheLandmarksHardlySee)
 {
     Random random(225);

@@ -60,6 +60,7 @@ private:
                        double matched_scale, double scale_strength);
     void linearize();                              ///< At the state, with its points placed.
     [[nodiscard]] JointCertainty find_certainty(); ///< At the state, where its points are placed.
+    void set_certainty(JointFramesResult& result); ///< Of each frame.
     void match();
     void turn_by_depth(std::size_t used_index);
     [[nodiscard]] FitResult unfitted_result(const Image& image) const;
@@ -432,6 +433,24 @@ inline JointCertainty JointFit::find_certainty()
     return certainty_of(problem_, state_, scratch_.system, scratch_.factor);
 }
 
+inline void JointFit::set_certainty(JointFramesResult& result)
+{
+    const JointCertainty certainty = find_certainty();
+    const Eigen::Index num_shape = problem_.num_shape();
+    const Eigen::Index num_expressions = problem_.num_own() - 6;
+    std::vector<int> face(static_cast<std::size_t>(num_shape + num_expressions)); // alpha and one image's psi
+    std::iota(face.begin(), face.begin() + num_shape, 0);
+    for (std::size_t f = 0; f < used_.size(); ++f) {
+        JointFitResult& frame = result.frames[used_[f]];
+        const Eigen::Index begin = problem_.own_begin(f);
+        std::iota(face.begin() + num_shape, face.end(), static_cast<int>(begin));
+        frame.covariance = certainty.covariance_of(face);
+        frame.expression_deviations = certainty.deviations.segment(begin, num_expressions);
+        frame.unobservable_expressions =
+            unobservable_names(frame.expression_deviations, frame.fit.expression_names, options_.expression_sigma);
+    }
+}
+
 inline JointFramesResult JointFit::result()
 {
     JointFramesResult result;
@@ -448,27 +467,19 @@ inline JointFramesResult JointFit::result()
     if (state_.bias.size() > 0) {
         result.landmark_bias_mm = state_.bias;
     }
-    const JointCertainty certainty = find_certainty();
-    const Eigen::Index num_shape = problem_.num_shape();
-    const Eigen::Index num_expressions = problem_.num_own() - 6;
-    std::vector<int> face(static_cast<std::size_t>(num_shape + num_expressions)); // alpha and one image's psi
-    std::iota(face.begin(), face.begin() + num_shape, 0);
     result.chi_square = problem_.chi_square(state_, scratch_.placed);
     for (std::size_t f = 0; f < used_.size(); ++f) {
         JointFitResult& frame = result.frames[used_[f]];
         set_fit(f, frame.fit);
         result.degrees_of_freedom += frame.fit.degrees_of_freedom;
-        const Eigen::Index begin = problem_.own_begin(f);
-        std::iota(face.begin() + num_shape, face.end(), static_cast<int>(begin));
-        frame.covariance = certainty.covariance_of(face);
-        frame.expression_deviations = certainty.deviations.segment(begin, num_expressions);
-        frame.unobservable_expressions =
-            unobservable_names(frame.expression_deviations, frame.fit.expression_names, options_.expression_sigma);
         frame.minimum_camera = state_.cameras[f];
         frame.minimum_expression = state_.psi[f];
         frame.matched_scale_px_per_mm = matched_scales_[f];
         frame.scale_strength = problem_.images[f].scale_strength;
         frame.energies = progress_.energies;
+    }
+    if (options_.with_covariance) {
+        set_certainty(result);
     }
     judge(result);
     withhold_unless_finite(result);

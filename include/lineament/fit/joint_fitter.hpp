@@ -47,10 +47,11 @@ struct JointOptions
     std::optional<double> phi_sigma_per_mm = std::nullopt;    ///< Unknown focal length, the same in all images: the
                                                               ///< prior's width of the inverse distance (0.002 suits
                                                               ///< selfies). Neither: scaled orthographic.
-    int rounds = 3;          ///< Of weights and outline matches, >= 1; after the last they are frozen.
-    int max_iterations = 60; ///< Steps of the last round, >= 1.
-    double tolerance = 1e-4; ///< The last round ends when what is left to go is this many posterior standard
-                             ///< deviations, > 0.
+    int rounds = 3;              ///< Of weights and outline matches, >= 1; after the last they are frozen.
+    int max_iterations = 60;     ///< Steps of the last round, >= 1.
+    double tolerance = 1e-4;     ///< The last round ends when what is left to go is this many posterior standard
+                                 ///< deviations, > 0.
+    bool with_covariance = true; ///< Whether results say how sure they are, which takes a sixth of the time of a fit.
 
     void check() const; ///< @throws InvalidArgument naming the member and the value.
 };
@@ -68,11 +69,11 @@ struct JointFitResult
     FitResult fit = {};
 
     /// (m + k) x (m + k), of shape and expression coefficients, with camera and landmark bias integrated out. Rows of
-    /// expressions at a bound are 0. Empty without a usable pose.
+    /// expressions at a bound are 0. Empty without a usable pose or options.with_covariance.
     Eigen::MatrixXd covariance = {};
 
     /// k, standard deviations of the expression coefficients as if none were held at its bound: what the landmarks say
-    /// of each, against options.expression_sigma before. Empty without a usable pose.
+    /// of each, against options.expression_sigma before. Empty likewise.
     Eigen::VectorXd expression_deviations = {};
     /// Names of the expressions the landmarks tell next to nothing of: their deviation is above 0.9 of the prior's.
     std::vector<std::string> unobservable_expressions = {};
@@ -93,7 +94,8 @@ struct JointFramesResult
     FitStatus status = FitStatus::too_few_correspondences;
     std::string reason = {};
     Eigen::VectorXd shape_coefficients = {}; ///< m, shared by all images.
-    Eigen::MatrixXd shape_covariance = {};   ///< m x m; empty without a usable image or a finite fit.
+    Eigen::MatrixXd shape_covariance = {};   ///< m x m; empty without a usable image, a finite fit or
+                                             ///< options.with_covariance.
     std::vector<JointFitResult> frames = {}; ///< In the order given; one without a pose keeps its own status.
     int num_used_frames = 0;                 ///< With a usable pose; the others do not touch the identity.
     Eigen::Matrix3Xd landmark_bias_mm = {};  ///< 3 x L, in the landmark map's order, model space; zero for one image.

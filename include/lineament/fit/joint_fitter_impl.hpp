@@ -129,7 +129,7 @@ LINEAMENT_FIT_INLINE IdentityInformation
 JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitResult& at, int num_earlier,
                                   std::span<const Eigen::Matrix2d> covariances_px) const
 {
-    require(at.covariance.size() > 0, "JointFitter::identity_information", "at", "a fit with a usable pose",
+    require(at.fit.degrees_of_freedom > 0, "JointFitter::identity_information", "at", "a fit with a usable pose",
             to_string(at.fit.status));
     require(num_earlier >= 0, "JointFitter::identity_information", "num_earlier", ">= 0", std::to_string(num_earlier));
     const Eigen::Index size = num_shape_coefficients();
