@@ -4,6 +4,7 @@
 
 #include "lineament/camera/camera.hpp"
 #include "lineament/core/landmarks.hpp"
+#include "lineament/fit/contour_view.hpp"
 #include "lineament/model/morphable_model.hpp"
 
 #include <Eigen/Core>
@@ -20,14 +21,6 @@ enum class FaceSide
 {
     left,
     right,
-};
-
-/// What the head's yaw shows: both sides alike, or one side turned to the camera and the other away from it.
-enum class ContourView
-{
-    frontal,
-    shows_right, ///< yaw > 0: the subject's right side faces the camera, the left one is seen as a silhouette.
-    shows_left,
 };
 
 /// How silhouette points and outline landmarks find each other.

@@ -4,6 +4,7 @@
 
 #include "lineament/camera/camera.hpp"
 #include "lineament/core/landmarks.hpp"
+#include "lineament/fit/contour_view.hpp"
 
 #include <Eigen/Core>
 
@@ -76,6 +77,9 @@ struct FitResult
     double chi_square = 0.0;                      ///< Weighted squares of residuals and priors at the solution.
     int degrees_of_freedom = 0;                   ///< 2 per used landmark, minus the camera's 6.
     int iterations = 0;
+    /// Which outline was matched last. A fit that starts from this result keeps to it until the head has clearly
+    /// turned, so that a head at the limit does not flicker; files do not keep it.
+    ContourView contour_view = ContourView::frontal;
     FitTiming timing = {};
 };
 

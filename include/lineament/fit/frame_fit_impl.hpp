@@ -110,6 +110,7 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
                      "start->expression_coefficients");
         require_finite(start->expression_coefficients, function, "start->expression_coefficients");
         expression_coefficients_ = start->expression_coefficients;
+        view_ = start->contour_view;
     }
     if (!use_.outline.empty()) {
         shape_vertices_.resize(3, fitter.model().num_vertices());
@@ -278,6 +279,7 @@ inline FitResult FrameFit::result(const Eigen::VectorXd& shape_coefficients, int
     }
     result.expression_coefficients = expression_coefficients_;
     result.iterations = iterations;
+    result.contour_view = view_;
     result.timing = timing_;
 
     const bool is_fitted = status_ != FitStatus::too_few_correspondences && status_ != FitStatus::degenerate;

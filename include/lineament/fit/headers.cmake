@@ -2,6 +2,7 @@ set(headers
     affine_camera.hpp
     bounded_least_squares.hpp
     contour.hpp
+    contour_view.hpp
     expression.hpp
     face_fitter.hpp
     fit_result.hpp

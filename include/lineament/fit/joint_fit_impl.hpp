@@ -117,6 +117,9 @@ inline void JointFit::add_image(const LandmarkSet& landmarks, const Eigen::Vecto
     images_.push_back(
         {&landmarks, JointImageMatcher(base_, points_, options_, problem_.kernels, landmarks, covariances_px)});
     images_.back().camera.principal_point_px = principal_point_px;
+    if (start != nullptr) {
+        images_.back().matcher.set_view(start->contour_view);
+    }
     state_.psi.push_back(psi);
 }
 
@@ -267,6 +270,7 @@ inline FitResult JointFit::unfitted_result(const Image& image) const
         result.expression_names = expressions->names;
     }
     result.iterations = progress_.iterations;
+    result.contour_view = image.matcher.view();
     result.timing.total_us = total_us_;
     result.timing.contour_us = contour_us_;
     for (const Landmark& landmark : image.landmarks->landmarks) {

@@ -73,6 +73,10 @@ public:
     /// the landmark map, or else the options' variance of an inner one; empty where all weigh the same.
     [[nodiscard]] Eigen::VectorXd start_weights() const;
 
+    /// What the last match found, or a start says.
+    [[nodiscard]] ContourView view() const { return view_; }
+    void set_view(ContourView view) { view_ = view; }
+
 private:
     [[nodiscard]] std::vector<OutlineMatch> match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
                                                           const Eigen::VectorXd& psi);

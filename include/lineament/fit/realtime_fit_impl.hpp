@@ -296,7 +296,7 @@ inline bool RealtimeFit::begin(const Eigen::Vector2d& principal_point_px, const 
 {
     frame_.camera = {};
     frame_.camera.principal_point_px = principal_point_px;
-    frame_.view = ContourView::frontal;
+    frame_.view = start == nullptr ? ContourView::frontal : start->contour_view;
     frame_.has_scale = false;
     frame_.scale_factor = 1;
     frame_.num_held = 0;

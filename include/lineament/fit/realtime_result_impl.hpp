@@ -25,6 +25,7 @@ inline void RealtimeFit::write(FitResult& result, int iterations)
     result.method = "thesis";
     result.camera = frame_.camera;
     result.iterations = iterations;
+    result.contour_view = frame_.view;
     result.shape_coefficients = Eigen::Map<const Eigen::VectorXd>(work_.alpha.data(), pack_.num_shape);
     result.expression_coefficients = Eigen::Map<const Eigen::VectorXd>(frame_.psi.data(), pack_.num_expressions);
     const Blendshapes* expressions = fitter_.reference_.expressions();
