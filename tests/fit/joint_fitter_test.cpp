@@ -73,6 +73,41 @@ TEST(JointFitter, EveryStepOfARoundLowersTheEnergy)
     }
 }
 
+/// How far a fit stops from where its last round ends, in posterior standard deviations; the largest of twenty faces.
+double farthest_stop(double tolerance)
+{
+    Random random(133);
+    double farthest = 0;
+    for (int trial = 0; trial < 20; ++trial) {
+        const PlantedFace planted = plant_face_from_priors(random, 2.0, 45);
+        JointOptions options;
+        options.tolerance = 1e-10;
+        options.max_iterations = 500;
+        const JointFitResult end =
+            JointFitter(synthetic_face(), "ibug68", options).fit(planted.landmarks, planted.camera.principal_point_px);
+        options.tolerance = tolerance;
+        const JointFitResult stop =
+            JointFitter(synthetic_face(), "ibug68", options).fit(planted.landmarks, planted.camera.principal_point_px);
+        EXPECT_EQ(end.fit.status, FitStatus::success) << end.fit.reason;
+        EXPECT_EQ(stop.fit.status, FitStatus::success) << stop.fit.reason;
+        Eigen::VectorXd left(end.covariance.rows());
+        left << stop.fit.shape_coefficients - end.fit.shape_coefficients,
+            stop.minimum_expression - end.minimum_expression;
+        const Eigen::VectorXd deviations = end.covariance.diagonal().cwiseSqrt();
+        for (Eigen::Index i = 0; i < left.size(); ++i) {
+            farthest = deviations[i] > 0 ? std::max(farthest, std::abs(left[i]) / deviations[i]) : farthest;
+        }
+    }
+    return farthest;
+}
+
+TEST(JointFitter, StopsWithinTheToleranceOfWhereItWouldEnd)
+{
+    const double farthest = farthest_stop(JointOptions().tolerance);
+    EXPECT_LE(farthest, 1e-4);
+    EXPECT_GT(farthest_stop(0.3), 10 * farthest); // the twin
+}
+
 TEST(JointFitter, TooFewStepsAreNotConverged)
 {
     Random random(133);
