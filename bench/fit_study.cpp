@@ -14,6 +14,7 @@
 #include "lineament/fit/multi_frame.hpp"
 #include "lineament/io/model_file.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <limits>
@@ -100,6 +101,49 @@ double mesh_distance_mm(const PlantedFaces& faces, const FitResult& a, const Fit
     return Eigen::Map<const Eigen::Matrix3Xf>(difference.data(), 3, difference.size() / 3).colwise().norm().mean();
 }
 
+/// FitResult::chi_square of the thesis's method with a fixed outline, but for the noise at a given scale. Its own has
+/// the noise at the scale before the last pose.
+double chi_square_at_scale(const FitOptions& options, const FitResult& fit, double scale_px_per_mm)
+{
+    const double sigma_px = scale_px_per_mm * options.landmark_sigma_mm; // of the landmarks of weight 1
+    double sum = options.regularization * fit.shape_coefficients.squaredNorm() +
+                 (fit.expression_coefficients / options.expression_sigma).squaredNorm();
+    for (const FittedLandmark& landmark : fit.landmarks) {
+        sum += landmark.weight * ((landmark.fitted_px - landmark.point_px) / sigma_px).squaredNorm();
+    }
+    return sum;
+}
+
+/// The joint fit's energy above its least after each step of the last round, in which it is one function: of all faces,
+/// and of all but the one that takes the most steps.
+void joint_energy(const JointFitter& to_the_end, const std::vector<Subject>& subjects, const std::string& series,
+                  Table& table)
+{
+    constexpr int last_step = 15; // more than any face takes
+    const int num_rounds_before = to_the_end.options().rounds - 1;
+    std::vector<std::vector<EnergyStep>> energies;
+    for (const Subject& subject : subjects) {
+        energies.push_back(to_the_end.fit(subject.images[0], centre).energies);
+    }
+    const auto slowest = std::max_element(energies.begin(), energies.end(),
+                                          [](const auto& a, const auto& b) { return a.size() < b.size(); });
+    for (auto of_face = energies.begin(); of_face != energies.end(); ++of_face) {
+        const double least = of_face->back().energy;
+        of_face->resize(last_step + num_rounds_before + 1, of_face->back());
+        // Each round also lists the energy it begins with, so step n of the last round is entry n + earlier rounds.
+        for (int i = 0; i <= last_step + num_rounds_before; ++i) {
+            const EnergyStep& taken = (*of_face)[static_cast<std::size_t>(i)];
+            const int step = i - num_rounds_before;
+            if (taken.round == num_rounds_before && step > 0) {
+                table.add("energy", series, step, taken.energy - least);
+                if (of_face != slowest) {
+                    table.add("energy_but_slowest", series, step, taken.energy - least);
+                }
+            }
+        }
+    }
+}
+
 /// The thesis's method stopped after some iterations, and the joint fit after some steps, each from the mean face.
 /// The joint fit's first round is of two steps, those between it and the last of one, so that n steps are the leading
 /// ones of a whole fit, but for the matrix of the third, which is kept where others follow.
@@ -133,7 +177,17 @@ void convergence(const PlantedFaces& faces, int num_subjects)
         for (const int count : {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 15, 20, 30, 50, 100, 200}) {
             const FaceFitter fitter(faces.model(), "ibug68", thesis_options(contour, count));
             for (std::size_t s = 0; s < subjects.size(); ++s) {
-                note("thesis", count, subjects[s], fitter.fit(subjects[s].images[0], centre), thesis_limits[s]);
+                const FitResult& limit = thesis_limits[s];
+                const FitResult fit = fitter.fit(subjects[s].images[0], centre);
+                note("thesis", count, subjects[s], fit, limit);
+                if (contour == ContourMode::fixed) { // re-matched: another function in each iteration
+                    const auto at_end = [&](const FitResult& result) {
+                        return chi_square_at_scale(fitter.options(), result, limit.camera.scale_px_per_mm);
+                    };
+                    table.add("energy", "thesis, outline fixed", count, fit.chi_square - limit.chi_square);
+                    table.add("energy_below", "thesis, outline fixed", count, fit.chi_square < limit.chi_square);
+                    table.add("energy_at_end_scale", "thesis, outline fixed", count, at_end(fit) - at_end(limit));
+                }
             }
             JointOptions options = to_the_end;
             options.rounds = std::min(JointOptions{}.rounds, std::max(1, count - 1));
@@ -143,6 +197,19 @@ void convergence(const PlantedFaces& faces, int num_subjects)
                 note("joint", count, subjects[s], joint.fit(subjects[s].images[0], centre).fit, joint_limits[s]);
             }
         }
+        for (std::size_t s = 0; s < subjects.size(); ++s) {
+            const auto error_mm = [&](const FitResult& fit) {
+                return faces.error_mm(fit.shape_coefficients, subjects[s].alpha);
+            };
+            table.add("joint_less_thesis_mm", std::string("outline ") + suffix, 0,
+                      error_mm(joint_limits[s]) - error_mm(thesis_limits[s]));
+        }
+        JointOptions of_energy = to_the_end;
+        if (contour == ContourMode::fixed) {
+            of_energy.rounds = 1; // one function from the mean face on
+        }
+        joint_energy(JointFitter(faces.model(), "ibug68", of_energy), subjects, std::string("joint, outline ") + suffix,
+                     table);
         const JointFitter shipped(faces.model(), "ibug68", joint_options(contour));
         for (const Subject& subject : subjects) {
             table.add("steps", std::string("joint, outline ") + suffix, 0,

@@ -51,27 +51,35 @@ def save(figure, folder, name):
 
 
 def plot_convergence(tables, folder):
-    figure, panels = plt.subplots(1, 3, figsize=(10.5, 3.3))
+    figure, panels = plt.subplots(2, 2, figsize=(9.2, 6.6))
+    panels = panels.ravel()
     quantities = [("error_mm", "error of the neutral shape [mm]"), ("rms_px", "landmark distance, r.m.s. [px]"),
-                  ("to_limit_mm", "vertex distance to the end result [mm]")]
+                  ("to_limit_mm", "vertex distance to the end result [mm]"),
+                  ("energy", "energy above that of the end result [1]")]
+    thin = {"to_limit_mm": ["to_limit_but_for_scale_mm"], "energy": ["energy_at_end_scale", "energy_but_slowest"]}
     panels[2].set_title("thin: after a similarity")
+    panels[3].set_title("thin: noise at the final scale (thesis),\nwithout the slowest face (joint)")
     for axes, (quantity, label) in zip(panels, quantities):
         for method, color in (("thesis", THESIS), ("joint", JOINT)):
             for outline, marker, line_style in (("fixed", "o", "--"), ("re-matched", "s", "-")):
                 series = f"{method}, outline {outline}"
-                draw(axes, tables["convergence", quantity][series], color=color, marker=marker, linestyle=line_style,
-                     label=series)
-                if quantity == "to_limit_mm":
-                    draw(axes, tables["convergence", "to_limit_but_for_scale_mm"][series], color=color,
-                         linestyle=line_style, linewidth=0.8)
+                if series in tables["convergence", quantity]:
+                    draw(axes, tables["convergence", quantity][series], color=color, marker=marker,
+                         linestyle=line_style, label=series)
+                for name in thin.get(quantity, []):
+                    if series in tables["convergence", name]:
+                        draw(axes, tables["convergence", name][series], color=color, linestyle=line_style,
+                             linewidth=0.8)
         axes.set_xscale("log")
+        axes.set_xlim(0.85, 240)
         axes.set_xticks([1, 2, 3, 5, 10, 20, 50, 100, 200], ["1", "2", "3", "5", "10", "20", "50", "100", "200"])
         axes.minorticks_off()
         axes.set_xlabel("iterations (thesis) or steps (joint)")
         axes.set_ylabel(label)
-    panels[2].set_yscale("log")
-    panels[2].set_ylim(1e-4, None)
-    panels[0].legend()
+    for axes, least in ((panels[2], 1e-4), (panels[3], 1e-6)):
+        axes.set_yscale("log")
+        axes.set_ylim(least, None)
+    panels[0].legend(handlelength=3)
     save(figure, folder, "fit-convergence.png")
 
 
