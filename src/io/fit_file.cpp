@@ -86,9 +86,17 @@ Json json_face(const FitFileFace& face)
     const FitResult& fit = face.fit;
     require_size(static_cast<Eigen::Index>(fit.expression_names.size()), fit.expression_coefficients.size(),
                  "format_fit_json", "expression_names");
+    const std::vector<double>& deviations = face.expression_standard_deviations;
+    require(deviations.empty() || deviations.size() == fit.expression_names.size(), "format_fit_json",
+            "expression_standard_deviations", "none or " + std::to_string(fit.expression_names.size()),
+            std::to_string(deviations.size()));
     Json values = Json::object();
     for (std::size_t i = 0; i < fit.expression_names.size(); ++i) {
         values[fit.expression_names[i]] = fit.expression_coefficients[static_cast<Eigen::Index>(i)];
+    }
+    Json named_deviations = Json::object();
+    for (std::size_t i = 0; i < deviations.size(); ++i) {
+        named_deviations[fit.expression_names[i]] = deviations[i];
     }
     Json json = {{"id", face.id}, {"status", to_string(fit.status)}};
     if (!fit.reason.empty()) {
@@ -101,8 +109,10 @@ Json json_face(const FitFileFace& face)
     if (face.predicted_rms_mm) {
         json["predicted_rms_mm"] = *face.predicted_rms_mm;
     }
-    json["expression"] = {
-        {"set", fit.expression_set}, {"values", std::move(values)}, {"unobservable", Json(face.unobservable)}};
+    json["expression"] = {{"set", fit.expression_set},
+                          {"values", std::move(values)},
+                          {"standard_deviations", std::move(named_deviations)},
+                          {"unobservable", Json(face.unobservable)}};
     json["landmarks"] = json_landmarks(fit.landmarks);
     if (Json gaze = json_gaze(measure_gaze(fit)); !gaze.empty()) {
         json["gaze"] = std::move(gaze);
@@ -188,6 +198,16 @@ void read_expression(const JsonReader& expression, FitFileFace& face)
         face.fit.expression_coefficients[static_cast<Eigen::Index>(face.fit.expression_names.size())] =
             read_number(values.member(name));
         face.fit.expression_names.push_back(name);
+    }
+    if (expression.has("standard_deviations")) {
+        const JsonReader deviations = expression.member("standard_deviations");
+        const std::size_t count = deviations.value().size();
+        if (!deviations.value().is_object() || (count > 0 && count != face.fit.expression_names.size())) {
+            deviations.fail("an object of one number for each expression, or an empty one");
+        }
+        for (std::size_t i = 0; i < count; ++i) {
+            face.expression_standard_deviations.push_back(read_number(deviations.member(face.fit.expression_names[i])));
+        }
     }
     const JsonReader unobservable = expression.member("unobservable");
     for (std::size_t i = 0; i < unobservable.size(); ++i) {

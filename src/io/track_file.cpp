@@ -130,6 +130,7 @@ std::string format_track_json(const TrackFile& file)
         faces.push_back({{"id", face.id},
                          {"shape_coefficients", json_numbers(face.shape_coefficients)},
                          {"shape_standard_deviations", json_numbers(face.shape_standard_deviations)},
+                         {"unobservable_expressions", Json(face.unobservable_expressions)},
                          {"status_counts", Json(face.status_counts)}});
     }
     return detail::format_json(

@@ -44,6 +44,7 @@ FitFile make_file()
         face.fit.timing = {1.0, 2.0, 3.0, 4.0, 10.5};
         face.shape_standard_deviations = {0.5, 0.25, 0.125, 1.0, 0.1};
         face.unobservable = {"anger"};
+        face.expression_standard_deviations = id == 1 ? std::vector{0.1 + 0.2, 1.0 / 7.0} : std::vector<double>{};
         face.predicted_rms_mm = id == 1 ? std::optional(0.1 + 0.2) : std::nullopt;
         file.faces.push_back(face);
     }
@@ -89,6 +90,7 @@ TEST(FitFile, ComesBackBitForBit)
         EXPECT_EQ(back.faces[i].shape_standard_deviations, file.faces[i].shape_standard_deviations);
         EXPECT_EQ(back.faces[i].unobservable, file.faces[i].unobservable);
         EXPECT_EQ(back.faces[i].predicted_rms_mm, file.faces[i].predicted_rms_mm);
+        EXPECT_EQ(back.faces[i].expression_standard_deviations, file.faces[i].expression_standard_deviations);
     }
     EXPECT_EQ(format_fit_json(back), format_fit_json(file));
 }
@@ -130,6 +132,8 @@ TEST(FitFile, HasTheDocumentedMembers)
     EXPECT_EQ(orthographic["status"], "success");
     EXPECT_FALSE(orthographic.contains("reason"));
     EXPECT_EQ(orthographic["expression"]["values"]["joy"], 0.1);
+    EXPECT_EQ(orthographic["expression"]["standard_deviations"], (json{{"joy", 0.1 + 0.2}, {"anger", 1.0 / 7.0}}));
+    EXPECT_EQ(perspective["expression"]["standard_deviations"], json::object()) << "not known";
     EXPECT_EQ(orthographic["expression"]["unobservable"], json::array({"anger"}));
     EXPECT_EQ(orthographic["dof"], 130);
 }
@@ -155,6 +159,18 @@ TEST(FitFile, NamesAndCoefficientsMustAgree)
     FitFile file = make_file();
     file.faces[0].fit.expression_names.pop_back();
     EXPECT_TRUE(throws<InvalidArgument>([&] { (void)format_fit_json(file); }, "expression_names"));
+    file = make_file();
+    file.faces[0].expression_standard_deviations.pop_back();
+    EXPECT_TRUE(throws<InvalidArgument>([&] { (void)format_fit_json(file); }, "expression_standard_deviations"));
+}
+
+TEST(FitFile, FilesWithoutStandardDeviationsOfExpressionsAreRead)
+{
+    json old = json::parse(format_fit_json(make_file()));
+    old["faces"][0]["expression"].erase("standard_deviations");
+    const FitFile file = parse_fit_json(old.dump(), "fit.json");
+    EXPECT_TRUE(file.faces[0].expression_standard_deviations.empty());
+    EXPECT_EQ(file.faces[0].unobservable, std::vector<std::string>{"anger"});
 }
 
 TEST(FitFile, WrongContentIsRefusedWithItsPointer)
@@ -174,6 +190,9 @@ TEST(FitFile, WrongContentIsRefusedWithItsPointer)
     refused("/faces/1/camera/scale_px_per_mm", "1", "a number");
     refused("/faces/1/landmarks/0/point_px", json::array({1}), "[x, y]");
     refused("/faces/1/expression/values", json::array(), "an object");
+    refused("/faces/0/expression/standard_deviations", json::array({0.1, 0.2}), "an object of one number for each");
+    refused("/faces/0/expression/standard_deviations", json{{"joy", 0.1}}, "an object of one number for each");
+    refused("/faces/0/expression/standard_deviations/joy", "0.1", "a number");
     for (const char* member :
          {"status", "pose", "camera", "shape_coefficients", "landmarks", "dof", "iterations", "timing_us"}) {
         json bad = good;

@@ -82,7 +82,11 @@ TEST(TrackFile, TrackJsonHoldsTheClipAndEachFace)
     file.principal_point_px = {640, 360};
     file.expression_set = "arkit47";
     file.expression_names = {"jawOpen"};
-    file.faces = {{1, Eigen::Vector2d(0.5, -1.0), Eigen::Vector2d(0.1, std::nan("")), {{"success", 97}, {"lost", 3}}}};
+    file.faces = {{1,
+                   Eigen::Vector2d(0.5, -1.0),
+                   Eigen::Vector2d(0.1, std::nan("")),
+                   {{"success", 97}, {"lost", 3}},
+                   {"cheekPuff", "noseSneerLeft"}}};
     test::TemporaryFolder folder;
     save_track_json(folder / "track.json", file);
     const json root = json::parse(read_text_file(folder / "track.json"));
@@ -98,7 +102,10 @@ TEST(TrackFile, TrackJsonHoldsTheClipAndEachFace)
     EXPECT_EQ(root["expression"]["names"], json::array({"jawOpen"}));
     EXPECT_EQ(root["faces"][0]["shape_coefficients"], json::array({0.5, -1.0}));
     EXPECT_EQ(root["faces"][0]["shape_standard_deviations"], json::array({0.1, nullptr}));
+    EXPECT_EQ(root["faces"][0]["unobservable_expressions"], json::array({"cheekPuff", "noseSneerLeft"}));
     EXPECT_EQ(root["faces"][0]["status_counts"]["success"], 97);
+    file.faces[0].unobservable_expressions.clear();
+    EXPECT_EQ(json::parse(format_track_json(file))["faces"][0]["unobservable_expressions"], json::array());
     file.is_complete = false;
     EXPECT_EQ(json::parse(format_track_json(file))["video"]["complete"], false);
     file.focal_px.reset();

@@ -18,6 +18,7 @@ struct FitFileFace
     std::vector<double> shape_standard_deviations = {}; ///< m, posterior, of the shape coefficients; empty: not known.
     std::vector<std::string> unobservable = {};         ///< Expressions that the landmarks do not determine.
     std::optional<double> predicted_rms_mm = {};        ///< Of the neutral face's vertices; empty: not known.
+    std::vector<double> expression_standard_deviations = {}; ///< k, of the expression coefficients; empty: not known.
 };
 
 /// The content of `fit.json`: all faces fitted in one picture.                          docs/formats.md, "fit.json"

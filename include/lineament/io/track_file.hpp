@@ -53,9 +53,10 @@ void save_frames_csv(const std::string& path, const std::vector<TrackRow>& rows,
 struct TrackFileFace
 {
     int id = 1;
-    Eigen::VectorXd shape_coefficients = {};        ///< m, dimensionless.
-    Eigen::VectorXd shape_standard_deviations = {}; ///< m, posterior; empty: not known.
-    std::map<std::string, int> status_counts = {};  ///< Status -> number of frames.
+    Eigen::VectorXd shape_coefficients = {};                ///< m, dimensionless.
+    Eigen::VectorXd shape_standard_deviations = {};         ///< m, posterior; empty: not known.
+    std::map<std::string, int> status_counts = {};          ///< Status -> number of frames.
+    std::vector<std::string> unobservable_expressions = {}; ///< Names whose value the landmarks tell in no frame.
 };
 
 /// The content of `track.json`.
