@@ -61,7 +61,7 @@ std::string motion_section(const TrackSeries& series)
                                        "the subject's right shoulder.</p>");
 }
 
-std::string expression_section(const TrackReport& report, const TrackSeries& series)
+std::string expression_section(const TrackReport& report, const TrackReportFace& face, const TrackSeries& series)
 {
     const std::size_t count = report.expression_names.size();
     if (count == 0) {
@@ -93,6 +93,14 @@ std::string expression_section(const TrackReport& report, const TrackSeries& ser
                    "<p class=\"note\">From left to right the whole video, " + number(series.time_s.front(), 1) +
                    " to " + number(series.time_s.back(), 1) +
                    " s. The stronger the colour, the larger the value (0 to 1); grey: face not found.</p>";
+    }
+    if (!face.unobservable_expressions.empty()) {
+        std::string names;
+        for (const std::string& name : face.unobservable_expressions) {
+            names += (names.empty() ? "" : ", ") + escape(name);
+        }
+        content +=
+            "<p class=\"note\">Not observable: " + names + ". The landmarks do not move enough to tell the value.</p>";
     }
     return html::card("Expression", content);
 }
@@ -145,7 +153,7 @@ std::string face_section(const TrackReport& report, const TrackReportFace& face,
         }
         body += html::card("3D view", content);
     }
-    body += motion_section(series) + expression_section(report, series);
+    body += motion_section(series) + expression_section(report, face, series);
     body += "<div class=\"grid\">" + status_section(series) + html::card("Axes", html::axes_drawing()) +
             texture_sections(face) + "</div>\n";
     return body;

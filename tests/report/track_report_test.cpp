@@ -33,12 +33,24 @@ TEST(TrackReport, SaysFirstThatItIsIncomplete)
     EXPECT_EQ(test::unbalanced_elements(page), "");
 }
 
+TEST(TrackReport, NamesTheExpressionsThatCannotBeSeen)
+{
+    TrackReport report = make_track_report("clip.mp4");
+    EXPECT_EQ(format_track_report(report).find("Not observable"), std::string::npos);
+    report.faces[0].unobservable_expressions = {report.expression_names[2], report.expression_names[5]};
+    const std::string page = format_track_report(report);
+    EXPECT_NE(page.find("Not observable: " + report.expression_names[2] + ", " + report.expression_names[5] + ". "),
+              std::string::npos);
+    EXPECT_EQ(test::unbalanced_elements(page), "");
+}
+
 TEST(TrackReport, EscapesEveryText)
 {
     TrackReport report = make_track_report(canary);
     report.program = canary;
     report.expression_names.assign(report.expression_names.size(), canary);
     report.faces[0].view.expressions.names.assign(report.expression_names.size(), canary);
+    report.faces[0].unobservable_expressions = {canary};
     for (TrackRow& row : report.rows) {
         row.status = canary;
     }

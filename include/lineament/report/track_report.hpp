@@ -14,9 +14,10 @@ namespace lineament {
 /// One person of a track report.
 struct TrackReportFace
 {
-    int id = 1;                      ///< As in TrackRow::face.
-    FaceView view = {};              ///< Neutral face, morph targets, fused texture.
-    ImageU8 texture_confidence = {}; ///< In uv space, 0..255; may be empty.
+    int id = 1;                                             ///< As in TrackRow::face.
+    FaceView view = {};                                     ///< Neutral face, morph targets, fused texture.
+    ImageU8 texture_confidence = {};                        ///< In uv space, 0..255; may be empty.
+    std::vector<std::string> unobservable_expressions = {}; ///< Names whose value the landmarks cannot tell.
 };
 
 /// A small picture out of the video.
