@@ -280,12 +280,14 @@ void write_picture(const Session& session, const Job& job, const ImageU8& pictur
         const int id = options.face > 0 ? options.face : static_cast<int>(i) + 1;
         const FitResult& fit = fits[i].result;
         const Eigen::VectorXd& deviations = fits[i].shape_standard_deviations;
+        const Eigen::VectorXd& expression_deviations = fits[i].expression_standard_deviations;
         file.method = fit.method;
         file.faces.push_back({id,
                               fit,
-                              {deviations.data(), deviations.data() + deviations.size()},
+                              {deviations.begin(), deviations.end()},
                               fits[i].unobservable_expressions,
-                              fits[i].predicted_rms_mm});
+                              fits[i].predicted_rms_mm,
+                              {expression_deviations.begin(), expression_deviations.end()}});
         Json& face_json = json["faces"].emplace_back();
         face_json["id"] = id;
         face_json["status"] = to_string(fit.status);

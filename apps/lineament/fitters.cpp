@@ -100,7 +100,7 @@ JointOptions joint_options(const ModelOptions& options, const LandmarkKind& kind
 /// The result with what the method says of its uncertainty.
 Fitted with_evidence(const MorphableModel& model, const JointFitResult& joint)
 {
-    Fitted fitted{joint.fit, {}, {}, joint.unobservable_expressions, {}};
+    Fitted fitted{joint.fit, {}, {}, joint.unobservable_expressions, {}, joint.expression_deviations};
     const Eigen::Index num_shape = joint.fit.shape_coefficients.size();
     if (joint.covariance.rows() >= num_shape) {
         fitted.shape_covariance = joint.covariance.topLeftCorner(num_shape, num_shape);
@@ -217,7 +217,7 @@ struct Fitters::Implementation
     Fitted with_observability(const LandmarkSet& set, FitResult fit)
     {
         std::vector<std::string> unobservable = joint(set).unobservable_expressions(set, fit);
-        return {std::move(fit), {}, {}, std::move(unobservable), {}};
+        return {std::move(fit), {}, {}, std::move(unobservable), {}, {}};
     }
 
     const JointFitter& joint(const LandmarkSet& set)
@@ -354,6 +354,31 @@ Eigen::VectorXd Fitters::fit_identity(const std::vector<LandmarkSet>& frames, co
         }
     }
     return fitted.shape_coefficients;
+}
+
+std::vector<std::string> Fitters::unobservable_expressions(const std::vector<LandmarkSet>& frames,
+                                                           const Eigen::Vector2d& principal_point_px,
+                                                           const Eigen::VectorXd& shape_coefficients)
+{
+    std::optional<std::vector<std::string>> unobservable;
+    for (const LandmarkSet& frame : frames) {
+        const FitResult fit = fit_pose_and_expression(frame, principal_point_px, shape_coefficients, nullptr);
+        if (fit.status == FitStatus::degenerate || fit.status == FitStatus::too_few_correspondences) {
+            continue;
+        }
+        const std::vector<std::string> now = implementation_->joint(frame).unobservable_expressions(frame, fit);
+        if (unobservable) {
+            std::erase_if(*unobservable, [&](const std::string& name) {
+                return std::find(now.begin(), now.end(), name) == now.end();
+            });
+        } else {
+            unobservable = now;
+        }
+        if (unobservable->empty()) {
+            break;
+        }
+    }
+    return unobservable.value_or(std::vector<std::string>{});
 }
 
 std::optional<double> Fitters::focal_px() const

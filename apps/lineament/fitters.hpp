@@ -24,6 +24,7 @@ struct Fitted
     Eigen::MatrixXd shape_covariance = {};                  ///< m x m, likewise.
     std::vector<std::string> unobservable_expressions = {}; ///< Those the landmarks hardly tell anything of.
     std::optional<double> predicted_rms_mm = {};            ///< Of the neutral face's vertices; empty: not known.
+    Eigen::VectorXd expression_standard_deviations = {};    ///< k, as shape_standard_deviations.
 };
 
 /// The solvers of one model as the user chose them, one for each landmark scheme that turns up, made when it does.
@@ -64,6 +65,12 @@ public:
     /// fitted is known from then on.
     [[nodiscard]] Eigen::VectorXd fit_identity(const std::vector<LandmarkSet>& frames,
                                                const Eigen::Vector2d& principal_point_px);
+
+    /// The expressions that the landmarks of none of several frames of one person tell anything of, each frame by
+    /// itself, fitted with that identity.
+    [[nodiscard]] std::vector<std::string> unobservable_expressions(const std::vector<LandmarkSet>& frames,
+                                                                    const Eigen::Vector2d& principal_point_px,
+                                                                    const Eigen::VectorXd& shape_coefficients);
 
     /// Given, or found by fit_identity.
     [[nodiscard]] std::optional<double> focal_px() const;

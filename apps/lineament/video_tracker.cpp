@@ -13,7 +13,6 @@
 #include "lineament/io/file.hpp"
 #include "lineament/io/glb_file.hpp"
 #include "lineament/io/image_file.hpp"
-#include "lineament/io/track_file.hpp"
 #include "lineament/render/texture_completion.hpp"
 #include "lineament/report/overlay.hpp"
 #include "lineament/vision/short_runs.hpp"
@@ -193,8 +192,7 @@ LandmarkSet VideoTracker::landmarks_of(const SeenFrame& frame) const
     return set;
 }
 
-Eigen::VectorXd VideoTracker::fit_identity(const std::vector<SeenFrame>& seen,
-                                           const Eigen::Vector2d& principal_point_px)
+TrackFileFace VideoTracker::fit_person(const std::vector<SeenFrame>& seen, const Eigen::Vector2d& principal_point_px)
 {
     std::vector<FitResult> fits;
     std::vector<const SeenFrame*> fitted_frames;
@@ -213,7 +211,11 @@ Eigen::VectorXd VideoTracker::fit_identity(const std::vector<SeenFrame>& seen,
     if (chosen.empty()) {
         throw Failure(no_answer, "no frame with a trustworthy fit");
     }
-    return fitters_.fit_identity(chosen, principal_point_px);
+    TrackFileFace person;
+    person.shape_coefficients = fitters_.fit_identity(chosen, principal_point_px);
+    person.unobservable_expressions =
+        fitters_.unobservable_expressions(chosen, principal_point_px, person.shape_coefficients);
+    return person;
 }
 
 TrackSummary VideoTracker::track(const Job& job)
@@ -233,7 +235,7 @@ TrackSummary VideoTracker::track(const Job& job)
         throw Failure(no_answer, name + ": no face found in any of " + std::to_string(seen.size()) + " frames");
     }
     const Eigen::Vector2d principal_point = center_of(info);
-    const Eigen::VectorXd identity = fit_identity(seen, principal_point);
+    TrackFileFace person = fit_person(seen, principal_point);
 
     // Second pass: pose and expression of every frame for that identity, overlay and texture.
     make_folder(job.output);
@@ -244,7 +246,6 @@ TrackSummary VideoTracker::track(const Job& job)
     TextureAccumulator texture(layout_.size());
     TrackReport report;
     std::vector<TrackRow>& rows = report.rows;
-    std::map<std::string, int> status_counts;
     std::optional<FitResult> previous;
     {
         VideoReader reader(name);
@@ -258,12 +259,12 @@ TrackSummary VideoTracker::track(const Job& job)
             }
             std::optional<FitResult> fit;
             if (seen[i].has_face) {
-                fit = fitters_.fit_pose_and_expression(landmarks_of(seen[i]), principal_point, identity,
-                                                       previous ? &*previous : nullptr);
+                fit = fitters_.fit_pose_and_expression(landmarks_of(seen[i]), principal_point,
+                                                       person.shape_coefficients, previous ? &*previous : nullptr);
             }
             const bool is_drawn = fit && is_drawable(fit->status);
             rows.push_back(make_row(i, seen[i].time_s, fit, seen[i].confidence));
-            ++status_counts[rows.back().status];
+            ++person.status_counts[rows.back().status];
             ImageU8 picture = std::move(frame->picture);
             if (is_drawn) {
                 if (fit->status == FitStatus::success) {
@@ -293,7 +294,7 @@ TrackSummary VideoTracker::track(const Job& job)
     }
     writer.finish();
     overlay_file.commit();
-    write_results(job, info, identity, texture, status_counts, !problem && !is_interrupted, report);
+    write_results(job, info, person, texture, !problem && !is_interrupted, report);
 
     TrackSummary summary;
     summary.num_frames = static_cast<std::int64_t>(rows.size());
@@ -318,9 +319,8 @@ TrackSummary VideoTracker::track(const Job& job)
     return summary;
 }
 
-void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Eigen::VectorXd& identity,
-                                 const TextureAccumulator& texture, const std::map<std::string, int>& status_counts,
-                                 bool is_complete, TrackReport& report) const
+void VideoTracker::write_results(const Job& job, const VideoInfo& info, const TrackFileFace& person,
+                                 const TextureAccumulator& texture, bool is_complete, TrackReport& report) const
 {
     const std::vector<TrackRow>& rows = report.rows;
     const Blendshapes* expressions = model_.find_expression_set(options_.model.expression_set);
@@ -345,7 +345,7 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
     file.landmark_scheme = landmarks_.scheme;
     file.expression_set = expressions != nullptr ? expressions->name : "";
     file.expression_names = expression_names;
-    file.faces.push_back({1, identity, {}, status_counts});
+    file.faces.push_back(person);
     save_track_json((job.output / "track.json").string(), file);
 
     TextureMap map = texture.texture();
@@ -353,7 +353,7 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
     const ImageU8 whole_texture = complete_texture(map).color;
     save_png((job.output / "texture.png").string(), mark_holes(map, HoleMark::transparent));
     save_png((job.output / "texture_confidence.png").string(), as_grey(map.weight));
-    const Mesh neutral = neutral_mesh(model_, identity);
+    const Mesh neutral = neutral_mesh(model_, person.shape_coefficients);
     save_png((job.output / "frontal.png").string(), render_frontal(neutral, whole_texture));
 
     GlbScene scene;
@@ -371,10 +371,11 @@ void VideoTracker::write_results(const Job& job, const VideoInfo& info, const Ei
     report.program = std::string("lineament ") + version;
     report.expression_names = expression_names;
     FitResult neutral_fit;
-    neutral_fit.shape_coefficients = identity;
+    neutral_fit.shape_coefficients = person.shape_coefficients;
     neutral_fit.expression_set = file.expression_set;
     neutral_fit.expression_coefficients = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(expression_names.size()));
-    report.faces.push_back({1, make_face_view(model_, neutral_fit, whole_texture), as_grey(map.weight)});
+    report.faces.push_back({person.id, make_face_view(model_, neutral_fit, whole_texture), as_grey(map.weight),
+                            person.unobservable_expressions});
     write_file(job.output / "report.html", std::string_view(format_track_report(report)));
 }
 

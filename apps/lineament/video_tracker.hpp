@@ -7,12 +7,12 @@
 #include "inputs.hpp"
 #include "model_options.hpp"
 
+#include "lineament/io/track_file.hpp"
 #include "lineament/render/texture_fusion.hpp"
 #include "lineament/report/track_report.hpp"
 #include "lineament/vision/video_reader.hpp"
 
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -57,12 +57,11 @@ private:
 
     [[nodiscard]] std::vector<SeenFrame> watch(const Job& job, VideoInfo& info, std::optional<std::string>& problem);
     [[nodiscard]] LandmarkSet landmarks_of(const SeenFrame& frame) const;
-    [[nodiscard]] Eigen::VectorXd fit_identity(const std::vector<SeenFrame>& seen,
-                                               const Eigen::Vector2d& principal_point_px);
+    [[nodiscard]] TrackFileFace fit_person(const std::vector<SeenFrame>& seen,
+                                           const Eigen::Vector2d& principal_point_px);
 
-    void write_results(const Job& job, const VideoInfo& info, const Eigen::VectorXd& identity,
-                       const TextureAccumulator& texture, const std::map<std::string, int>& status_counts,
-                       bool is_complete, TrackReport& report) const;
+    void write_results(const Job& job, const VideoInfo& info, const TrackFileFace& person,
+                       const TextureAccumulator& texture, bool is_complete, TrackReport& report) const;
 
     TrackOptions options_;
     MorphableModel model_;

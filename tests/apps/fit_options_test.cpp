@@ -255,6 +255,32 @@ TEST(FitOptions, EitherMethodNamesTheExpressionsThatCannotBeSeen)
     }
 }
 
+TEST(FitOptions, TheJointMethodSaysHowSureExpressionsAre)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    const json joint = fitted_face(folder, "--landmarks face.json --expressions arkit47")["expression"];
+    JointOptions options;
+    options.expression_set = "arkit47";
+    const JointFitter fitter(load_model(default_model_path()), "ibug68", options);
+    const JointFitResult expected =
+        fitter.fit(load_landmarks(folder / "face.json").frames.front().set, Eigen::Vector2d(320, 240));
+    ASSERT_EQ(joint["standard_deviations"].size(), expected.fit.expression_names.size());
+    std::set<std::string> near_the_prior;
+    for (std::size_t k = 0; k < expected.fit.expression_names.size(); ++k) {
+        const std::string& name = expected.fit.expression_names[k];
+        const double deviation = joint["standard_deviations"][name].get<double>();
+        EXPECT_NEAR(deviation, expected.expression_deviations[static_cast<Eigen::Index>(k)], 1e-3) << name;
+        if (deviation > 0.9 * options.expression_sigma) {
+            near_the_prior.insert(name);
+        }
+    }
+    EXPECT_EQ(joint["unobservable"].get<std::set<std::string>>(), near_the_prior);
+    const json thesis =
+        fitted_face(folder, "--landmarks face.json --method thesis --expressions arkit47")["expression"];
+    EXPECT_EQ(thesis["standard_deviations"], json::object()) << "it does not know them";
+}
+
 TEST(FitOptions, NoiseAndLossAreThoseOfTheLibrary)
 {
     const test::TemporaryFolder folder;

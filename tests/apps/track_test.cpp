@@ -6,6 +6,10 @@
 #include "apps/terminal.hpp"
 #include "apps/turning_clip.hpp"
 
+#include "lineament/fit/face_fitter.hpp"
+#include "lineament/fit/frame_selection.hpp"
+#include "lineament/fit/joint_fitter.hpp"
+#include "lineament/vision/mesh_detector.hpp"
 #include "lineament/vision/video_reader.hpp"
 #include "support/gltf_validator.hpp"
 #include "support/parsed_glb.hpp"
@@ -14,6 +18,7 @@
 
 #include <charconv>
 #include <map>
+#include <set>
 #include <sstream>
 
 namespace lineament {
@@ -151,6 +156,89 @@ TEST(Track, ATurningHeadThatLeavesAndComesBack)
     EXPECT_EQ(glb.gltf["meshes"][0]["extras"]["targetNames"], track["expression"]["names"]);
     if (!test::gltf_validator_modules().empty()) {
         EXPECT_THAT(test::validate_glb(folder / "out/clip/face.glb"), testing::HasSubstr("errors 0 warnings 0\n"));
+    }
+}
+
+/// The points of the clip's face, where there is one.
+std::vector<LandmarkSet> landmarks_of_clip(const std::string& path)
+{
+    MeshDetector detector;
+    MeshDetectionOptions one;
+    one.max_faces = 1;
+    std::optional<MeshFace> face;
+    std::vector<LandmarkSet> sets;
+    VideoReader reader(path);
+    while (const std::optional<VideoFrame> frame = reader.next()) {
+        face = face ? detector.follow(frame->picture, face->landmarks) : std::nullopt;
+        if (!face) {
+            const std::vector<MeshFace> found = detector.detect(frame->picture, one);
+            face = found.empty() ? std::nullopt : std::optional(found.front());
+        }
+        if (face) {
+            sets.push_back(face->landmarks);
+        }
+    }
+    return sets;
+}
+
+/// Those that JointFitter calls unobservable in every frame that an identity is fitted from.
+std::set<std::string> unobservable_in_all(const std::vector<LandmarkSet>& frames, const std::string& expression_set,
+                                          const Eigen::VectorXd& shape_coefficients)
+{
+    const MorphableModel model = load_model(default_model_path());
+    FitOptions options;
+    JointOptions joint_options;
+    options.expression_set = joint_options.expression_set = expression_set;
+    const FaceFitter fitter(model, "mediapipe478", options);
+    const JointFitter joint(model, "mediapipe478", joint_options);
+    const Eigen::Vector2d center(240, 180);
+    std::vector<FitResult> fits;
+    for (const LandmarkSet& frame : frames) {
+        fits.push_back(fitter.fit(frame, center));
+    }
+    const std::vector<int> chosen = select_spread_frames(fits);
+    EXPECT_GE(chosen.size(), 3U);
+    std::map<std::string, std::size_t> num_hidden;
+    for (const int i : chosen) {
+        const LandmarkSet& frame = frames[static_cast<std::size_t>(i)];
+        const FitResult fit = fitter.fit_pose_and_expression(frame, center, shape_coefficients);
+        for (const std::string& name : joint.unobservable_expressions(frame, fit)) {
+            ++num_hidden[name];
+        }
+    }
+    std::set<std::string> names;
+    for (const auto& [name, hidden_in] : num_hidden) {
+        if (hidden_in == chosen.size()) {
+            names.insert(name);
+        }
+    }
+    EXPECT_EQ(names.size() < num_hidden.size(), expression_set == "arkit47") << "some frames tell what others do not";
+    return names;
+}
+
+TEST(Track, NamesTheExpressionsThatNoFrameTells)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4");
+    const std::vector<LandmarkSet> frames = landmarks_of_clip(folder / "clip.mp4");
+    for (const std::string method : {"joint", "thesis"}) {
+        for (const std::string set : {"arkit47", "ekman6", "none"}) {
+            const std::string arguments = "--texture-size 16 --method " + method + " --expressions " + set;
+            const Outcome outcome = run(folder, "track clip.mp4 -o out " + arguments);
+            ASSERT_EQ(outcome.exit_code, 0) << outcome.error;
+            const json face = json::parse(read_all(folder / "out/clip/track.json"))["faces"][0];
+            const auto alpha = face["shape_coefficients"].get<std::vector<double>>();
+            const auto names = face["unobservable_expressions"].get<std::set<std::string>>();
+            if (set != "none") {
+                const Eigen::Map<const Eigen::VectorXd> shape(alpha.data(), static_cast<Eigen::Index>(alpha.size()));
+                EXPECT_EQ(names, unobservable_in_all(frames, set, shape)) << arguments;
+            }
+            EXPECT_EQ(names.count("mouthDimpleLeft"), set == "arkit47" ? 1U : 0U) << arguments;
+            EXPECT_EQ(names.count("jawOpen"), 0U) << arguments;
+            EXPECT_EQ(names.empty(), set != "arkit47") << arguments;
+            const std::string page = read_all(folder / "out/clip/report.html");
+            EXPECT_EQ(page.find("Not observable: ") == std::string::npos, names.empty()) << arguments;
+        }
     }
 }
 
