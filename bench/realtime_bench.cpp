@@ -44,6 +44,26 @@ const MorphableModel& face_model()
     return model;
 }
 
+/// The same with columns that no 16 bits hold, as a model has that was never rounded to them.
+const MorphableModel& unrounded_model()
+{
+    static const MorphableModel model = [] {
+        MorphableModel unrounded = face_model();
+        Random random(9);
+        const auto move = [&](Eigen::MatrixXf& columns) {
+            for (float& entry : columns.reshaped()) {
+                entry *= static_cast<float>(1 + 1e-5 * random.normal());
+            }
+        };
+        move(unrounded.shape.basis);
+        for (Blendshapes& set : unrounded.expression_sets) {
+            move(set.offsets);
+        }
+        return unrounded;
+    }();
+    return model;
+}
+
 /// Faces drawn from the priors, yaw within 45 degrees (`yaw_deg` fixed: just that), 1.5 px of noise.
 const std::vector<LandmarkSet>& faces(int yaw_deg)
 {
@@ -73,36 +93,38 @@ FitOptions options_of(ContourMode mode, const std::string& expression_set, int i
     return options;
 }
 
-const RealtimeFitter& fitter_of(const Kernels& kernels, const FitOptions& options, MeshStorage storage)
+/// What a mesh is made of.
+enum class Mesh
+{
+    none,
+    as_stored, ///< By lineament-face-1, in 16 bits where the kernels prefer these.
+    single,    ///< Columns in single precision, of unrounded_model.
+};
+
+const RealtimeFitter& fitter_of(const Kernels& kernels, const FitOptions& options, Mesh mesh = Mesh::as_stored)
 {
     static std::mutex mutex; // threads of one benchmark share a fitter
     const std::lock_guard lock(mutex);
     static std::map<std::string, std::unique_ptr<RealtimeFitter>> fitters;
     const std::string key = std::string(kernels.name) + options.expression_set +
                             std::to_string(static_cast<int>(options.contour)) + std::to_string(options.iterations) +
-                            std::to_string(static_cast<int>(storage));
+                            (mesh == Mesh::single ? "single" : "");
     std::unique_ptr<RealtimeFitter>& fitter = fitters[key];
     if (!fitter) {
-        fitter = std::make_unique<RealtimeFitter>(face_model(), "ibug68", options, kernels, storage);
+        fitter = std::make_unique<RealtimeFitter>(mesh == Mesh::single ? unrounded_model() : face_model(), "ibug68",
+                                                  options, kernels);
     }
     return *fitter;
 }
 
-enum class Mesh
-{
-    none,
-    float32,
-    int16,
-};
-
 const char* suffix_of(Mesh mesh)
 {
-    return mesh == Mesh::none ? "" : mesh == Mesh::float32 ? "_mesh" : "_mesh_int16";
+    return mesh == Mesh::none ? "" : mesh == Mesh::as_stored ? "_mesh" : "_mesh_single";
 }
 
 const FaceFitter& reference_of(const FitOptions& options)
 {
-    return fitter_of(kernels::scalar_kernels(), options, MeshStorage::float32).reference();
+    return fitter_of(kernels::scalar_kernels(), options).reference();
 }
 
 void reference_fit(benchmark::State& state, const FitOptions& options, int yaw_deg, Mesh mesh)
@@ -121,8 +143,7 @@ void reference_fit(benchmark::State& state, const FitOptions& options, int yaw_d
 
 void whole_fit(benchmark::State& state, const Kernels& kernels, FitOptions options, int yaw_deg, Mesh mesh)
 {
-    const RealtimeFitter& fitter =
-        fitter_of(kernels, options, mesh == Mesh::int16 ? MeshStorage::int16 : MeshStorage::float32);
+    const RealtimeFitter& fitter = fitter_of(kernels, options, mesh);
     RealtimeWorkspace workspace = fitter.make_workspace();
     const std::vector<LandmarkSet>& sets = faces(yaw_deg);
     FitResult result;
@@ -138,15 +159,21 @@ void whole_fit(benchmark::State& state, const Kernels& kernels, FitOptions optio
     state.counters["reference_fits"] = static_cast<double>(workspace.num_reference_fits());
 }
 
-/// The mesh by a RealtimeFitter's columns, as that of the real-time fits.
-void joint_fit(benchmark::State& state, const Kernels& kernels, ContourMode mode, const std::string& expression_set,
-               int yaw_deg, Mesh mesh)
+JointOptions joint_options(ContourMode mode, const std::string& expression_set, bool with_covariance = true)
 {
     JointOptions options;
     options.contour = mode;
     options.expression_set = expression_set;
-    const JointFitter fitter(face_model(), "ibug68", options, &kernels);
-    const RealtimeFitter& meshes = fitter_of(kernels, options_of(mode, expression_set), MeshStorage::float32);
+    options.with_covariance = with_covariance;
+    return options;
+}
+
+/// The mesh by a RealtimeFitter's columns, as that of the real-time fits.
+void joint_fit(benchmark::State& state, const Kernels& kernels, ContourMode mode, const std::string& expression_set,
+               int yaw_deg, Mesh mesh)
+{
+    const JointFitter fitter(face_model(), "ibug68", joint_options(mode, expression_set), &kernels);
+    const RealtimeFitter& meshes = fitter_of(kernels, options_of(mode, expression_set));
     RealtimeWorkspace workspace = meshes.make_workspace();
     const std::vector<LandmarkSet>& sets = faces(yaw_deg);
     std::size_t next = 0;
@@ -180,7 +207,7 @@ std::vector<LandmarkSet> video()
 void warm_step(benchmark::State& state, const Kernels& kernels, std::string expression_set)
 {
     const FitOptions options = options_of(ContourMode::front_facing, expression_set, 1);
-    const RealtimeFitter& fitter = fitter_of(kernels, options, MeshStorage::float32);
+    const RealtimeFitter& fitter = fitter_of(kernels, options);
     RealtimeWorkspace workspace = fitter.make_workspace();
     const std::vector<LandmarkSet> frames = video();
     FitResult result;
@@ -204,11 +231,41 @@ void reference_warm_step(benchmark::State& state, std::string expression_set)
     state.SetLabel(to_string(result.status));
 }
 
+/// From the last result: a whole fit, or one step, which says nothing of how sure it is.
+void joint_warm_fit(benchmark::State& state, const Kernels& kernels, std::string expression_set, bool is_whole)
+{
+    JointOptions options = joint_options(ContourMode::front_facing, expression_set, is_whole);
+    if (!is_whole) {
+        options.rounds = 1;
+        options.max_iterations = 1;
+    }
+    const JointFitter fitter(face_model(), "ibug68", options, &kernels);
+    const std::vector<LandmarkSet> frames = video();
+    JointFitResult result = fitter.fit(frames[0], centre);
+    std::size_t next = 0;
+    for (auto _ : state) {
+        result = fitter.fit(frames[next++ % frames.size()], centre, &result.fit);
+    }
+    state.SetLabel(to_string(result.fit.status));
+}
+
+/// One identity of several images, all at once.
+void joint_frames(benchmark::State& state, const Kernels& kernels, std::string expression_set, int num_images)
+{
+    const JointFitter fitter(face_model(), "ibug68", joint_options(ContourMode::front_facing, expression_set),
+                             &kernels);
+    const std::vector<LandmarkSet> frames = video();
+    for (auto _ : state) {
+        const JointFramesResult result = fitter.fit_frames(std::span(frames).first(num_images), centre);
+        benchmark::DoNotOptimize(result.chi_square);
+        state.counters["steps"] = result.frames[0].fit.iterations;
+    }
+}
+
 void frozen_step(benchmark::State& state, const Kernels& kernels, std::string expression_set, Mesh mesh)
 {
     const FitOptions options = options_of(ContourMode::front_facing, expression_set, 1);
-    const RealtimeFitter& fitter =
-        fitter_of(kernels, options, mesh == Mesh::int16 ? MeshStorage::int16 : MeshStorage::float32);
+    const RealtimeFitter& fitter = fitter_of(kernels, options, mesh);
     RealtimeWorkspace workspace = fitter.make_workspace();
     const std::vector<LandmarkSet> frames = video();
     FitResult result;
@@ -239,17 +296,17 @@ void reference_frozen_step(benchmark::State& state, std::string expression_set, 
     }
 }
 
-/// Numbers of the columns of a mesh, with or without those of the identity.
-std::int64_t mesh_numbers(const std::string& expression_set, bool with_identity)
+/// Numbers of the columns of a mesh.
+std::int64_t mesh_numbers(const std::string& expression_set)
 {
-    const Eigen::Index columns = face_model().find_expression_set(expression_set)->num_coefficients() +
-                                 (with_identity ? face_model().shape.num_coefficients() : 0);
+    const Eigen::Index columns =
+        face_model().find_expression_set(expression_set)->num_coefficients() + face_model().shape.num_coefficients();
     return 3 * static_cast<std::int64_t>(face_model().num_vertices()) * columns;
 }
 
-void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string expression_set, MeshStorage storage)
+void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string expression_set, Mesh mesh)
 {
-    const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set), storage);
+    const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set), mesh);
     RealtimeWorkspace workspace = fitter.make_workspace();
     FitResult result;
     fitter.fit(faces(-1)[0], centre, workspace, result);
@@ -261,8 +318,7 @@ void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string exp
 /// The mesh of a known identity: neutral face and expression.
 void frozen_mesh_alone(benchmark::State& state, const Kernels& kernels, std::string expression_set)
 {
-    const RealtimeFitter& fitter =
-        fitter_of(kernels, options_of(ContourMode::fixed, expression_set), MeshStorage::float32);
+    const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set));
     RealtimeWorkspace workspace = fitter.make_workspace();
     FitResult result;
     fitter.fit(faces(-1)[0], centre, workspace, result);
@@ -290,7 +346,7 @@ void reference_meshes(benchmark::State& state, std::string expression_set, int n
 void sweep(benchmark::State& state, const Kernels& kernels, std::string expression_set, int num_images)
 {
     const FitOptions options = options_of(ContourMode::front_facing, expression_set);
-    const RealtimeFitter& fitter = fitter_of(kernels, options, MeshStorage::float32);
+    const RealtimeFitter& fitter = fitter_of(kernels, options);
     RealtimeWorkspace workspace = fitter.make_workspace();
     std::vector<LandmarkSet> images;
     const std::vector<LandmarkSet> frames = video();
@@ -321,9 +377,9 @@ void reference_sweep(benchmark::State& state, std::string expression_set, int nu
 constexpr int batch_size = 64;
 
 /// Meshes of many fits at once.
-void mesh_batch(benchmark::State& state, const Kernels& kernels, std::string expression_set, MeshStorage storage)
+void mesh_batch(benchmark::State& state, const Kernels& kernels, std::string expression_set)
 {
-    const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set), storage);
+    const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set));
     RealtimeWorkspace workspace = fitter.make_workspace();
     std::vector<FitResult> fits(batch_size);
     for (std::size_t f = 0; f < fits.size(); ++f) {
@@ -339,9 +395,9 @@ void mesh_batch(benchmark::State& state, const Kernels& kernels, std::string exp
 }
 
 /// Fits and meshes of many faces in each of two threads.
-void batch(benchmark::State& state, const Kernels& kernels, const FitOptions& options, MeshStorage storage)
+void batch(benchmark::State& state, const Kernels& kernels, const FitOptions& options)
 {
-    const RealtimeFitter& fitter = fitter_of(kernels, options, storage);
+    const RealtimeFitter& fitter = fitter_of(kernels, options);
     RealtimeWorkspace workspace = fitter.make_workspace();
     const std::vector<LandmarkSet>& sets = faces(-1);
     std::vector<FitResult> fits(sets.size());
@@ -356,10 +412,40 @@ void batch(benchmark::State& state, const Kernels& kernels, const FitOptions& op
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(sets.size()));
 }
 
+/// The same by JointFitter, with the meshes of a RealtimeFitter.
+void joint_batch(benchmark::State& state, const Kernels& kernels, bool with_covariance)
+{
+    static std::mutex mutex; // threads share a fitter
+    static std::map<std::string, std::unique_ptr<JointFitter>> fitters;
+    const JointFitter* fitter = nullptr;
+    {
+        const std::lock_guard lock(mutex);
+        std::unique_ptr<JointFitter>& shared = fitters[kernels.name + std::to_string(with_covariance)];
+        if (!shared) {
+            shared = std::make_unique<JointFitter>(
+                face_model(), "ibug68", joint_options(ContourMode::front_facing, "ekman6", with_covariance), &kernels);
+        }
+        fitter = shared.get();
+    }
+    const RealtimeFitter& meshes = fitter_of(kernels, options_of(ContourMode::front_facing, "ekman6"));
+    RealtimeWorkspace workspace = meshes.make_workspace();
+    const std::vector<LandmarkSet>& sets = faces(-1);
+    std::vector<FitResult> fits(sets.size());
+    Eigen::MatrixXf shapes;
+    for (auto _ : state) {
+        for (std::size_t f = 0; f < sets.size(); ++f) {
+            fits[f] = fitter->fit(sets[f], centre).fit;
+        }
+        meshes.shapes_of(fits, workspace, shapes);
+        benchmark::DoNotOptimize(shapes.data());
+    }
+    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(sets.size()));
+}
+
 /// Share of fits that differ, and the largest vertex distance of the others [um].
 void report_agreement(const Kernels& kernels, const char* name, const FitOptions& options, int yaw_deg)
 {
-    const RealtimeFitter& fitter = fitter_of(kernels, options, MeshStorage::float32);
+    const RealtimeFitter& fitter = fitter_of(kernels, options);
     RealtimeWorkspace workspace = fitter.make_workspace();
     FitResult result;
     double largest_um = 0;
@@ -395,7 +481,7 @@ void register_reference()
 {
     const auto add_fit = [](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
         const FitOptions options = options_of(mode, expressions);
-        for (const Mesh mesh : {Mesh::none, Mesh::float32}) {
+        for (const Mesh mesh : {Mesh::none, Mesh::as_stored}) {
             add("reference/" + name + suffix_of(mesh),
                 [=](benchmark::State& s) { reference_fit(s, options, yaw_deg, mesh); });
         }
@@ -407,7 +493,8 @@ void register_reference()
         const std::string set = name;
         add("reference/warm_step_" + set, [=](benchmark::State& s) { reference_warm_step(s, set); });
         add("reference/frozen_" + set, [=](benchmark::State& s) { reference_frozen_step(s, set, Mesh::none); });
-        add("reference/frozen_mesh_" + set, [=](benchmark::State& s) { reference_frozen_step(s, set, Mesh::float32); });
+        add("reference/frozen_mesh_" + set,
+            [=](benchmark::State& s) { reference_frozen_step(s, set, Mesh::as_stored); });
         add("reference/mesh_" + set, [=](benchmark::State& s) { reference_meshes(s, set, 1); });
         add("reference/mesh_batch_" + set, [=](benchmark::State& s) { reference_meshes(s, set, batch_size); });
         add("reference/sweep_10_" + set, [=](benchmark::State& s) { reference_sweep(s, set, 10); });
@@ -419,10 +506,17 @@ void register_limits(const Kernels& kernels)
 {
     const std::string prefix = std::string(kernels.name) + "/limit/";
     for (const std::string name : {"ekman6", "arkit47"}) {
-        bench::add_read_limit(prefix + "mesh_" + name, kernels, 4 * mesh_numbers(name, true));
-        bench::add_read_limit(prefix + "mesh_int16_" + name, kernels, 2 * mesh_numbers(name, true));
-        bench::add_read_limit(prefix + "mesh_of_frozen_" + name, kernels, 4 * mesh_numbers(name, false));
-        bench::add_arithmetic_limit(prefix + "mesh_batch_" + name, kernels, 2 * batch_size * mesh_numbers(name, true));
+        const FitOptions options = options_of(ContourMode::fixed, name);
+        const auto bytes_of = [&](Mesh mesh, bool is_frozen) {
+            const RealtimeFitter& fitter = fitter_of(kernels, options, mesh);
+            const MeshBytes columns = fitter.mesh_bytes();
+            const std::size_t start = 3 * sizeof(float) * static_cast<std::size_t>(face_model().num_vertices());
+            return static_cast<std::int64_t>(start + columns.expression + (is_frozen ? 0 : columns.identity));
+        };
+        bench::add_read_limit(prefix + "mesh_" + name, kernels, bytes_of(Mesh::as_stored, false));
+        bench::add_read_limit(prefix + "mesh_single_" + name, kernels, bytes_of(Mesh::single, false));
+        bench::add_read_limit(prefix + "mesh_of_frozen_" + name, kernels, bytes_of(Mesh::as_stored, true));
+        bench::add_arithmetic_limit(prefix + "mesh_batch_" + name, kernels, 2 * batch_size * mesh_numbers(name));
     }
 }
 
@@ -431,7 +525,7 @@ void register_parts(const Kernels& kernels)
     const std::string prefix = std::string(kernels.name) + "/";
     const auto add_fit = [&](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
         const FitOptions options = options_of(mode, expressions);
-        for (const Mesh mesh : {Mesh::none, Mesh::float32, Mesh::int16}) {
+        for (const Mesh mesh : {Mesh::none, Mesh::as_stored, Mesh::single}) {
             add(prefix + name + suffix_of(mesh),
                 [=, &kernels](benchmark::State& s) { whole_fit(s, kernels, options, yaw_deg, mesh); });
         }
@@ -440,7 +534,7 @@ void register_parts(const Kernels& kernels)
     add_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
     add_fit("both_yaw30", ContourMode::both, "ekman6", 30);
     const auto add_joint_fit = [&](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
-        for (const Mesh mesh : {Mesh::none, Mesh::float32}) {
+        for (const Mesh mesh : {Mesh::none, Mesh::as_stored}) {
             add(prefix + "joint_" + name + suffix_of(mesh),
                 [=, &kernels](benchmark::State& s) { joint_fit(s, kernels, mode, expressions, yaw_deg, mesh); });
         }
@@ -449,25 +543,31 @@ void register_parts(const Kernels& kernels)
     add_joint_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
     add_joint_fit("both_yaw30", ContourMode::both, "ekman6", 30);
     add(prefix + "batch",
-        [&](benchmark::State& s) {
-            batch(s, kernels, options_of(ContourMode::front_facing, "ekman6"), MeshStorage::float32);
-        })
+        [&](benchmark::State& s) { batch(s, kernels, options_of(ContourMode::front_facing, "ekman6")); })
         ->Threads(2)
         ->UseRealTime();
+    for (const bool with_covariance : {true, false}) {
+        add(prefix + (with_covariance ? "joint_batch" : "joint_batch_without_covariance"),
+            [=, &kernels](benchmark::State& s) { joint_batch(s, kernels, with_covariance); })
+            ->Threads(2)
+            ->UseRealTime();
+    }
     for (const char* name : {"ekman6", "arkit47"}) {
         const std::string set = name;
         const auto add_part = [&](const std::string& part, auto function) {
             add(prefix + part + "_" + set, [=, &kernels](benchmark::State& s) { function(s, kernels, set); });
         };
         add_part("warm_step", warm_step);
+        add_part("joint_warm", [](auto& s, const Kernels& k, const auto& e) { joint_warm_fit(s, k, e, true); });
+        add_part("joint_step", [](auto& s, const Kernels& k, const auto& e) { joint_warm_fit(s, k, e, false); });
+        add_part("joint_frames_10", [](auto& s, const Kernels& k, const auto& e) { joint_frames(s, k, e, 10); });
         add_part("frozen", [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::none); });
-        add_part("frozen_mesh", [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::float32); });
-        add_part("mesh", [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, MeshStorage::float32); });
-        add_part("mesh_int16",
-                 [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, MeshStorage::int16); });
+        add_part("frozen_mesh",
+                 [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::as_stored); });
+        add_part("mesh", [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, Mesh::as_stored); });
+        add_part("mesh_single", [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, Mesh::single); });
         add_part("mesh_of_frozen", frozen_mesh_alone);
-        add_part("mesh_batch",
-                 [](auto& s, const Kernels& k, const auto& e) { mesh_batch(s, k, e, MeshStorage::float32); });
+        add_part("mesh_batch", mesh_batch);
         add_part("sweep_10", [](auto& s, const Kernels& k, const auto& e) { sweep(s, k, e, 10); });
         add_part("sweep_100", [](auto& s, const Kernels& k, const auto& e) { sweep(s, k, e, 100); });
     }

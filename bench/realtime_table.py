@@ -18,19 +18,25 @@ import statistics
 PARTS = {
     "front": "fit, facing contour, 6 expressions",
     "front_mesh": "with mesh",
-    "front_mesh_int16": "with mesh of 16-bit columns",
+    "front_mesh_single": "with mesh of single precision columns",
     "front_arkit47": "fit, facing contour, 47 expressions",
     "front_arkit47_mesh": "with mesh",
-    "front_arkit47_mesh_int16": "with mesh of 16-bit columns",
+    "front_arkit47_mesh_single": "with mesh of single precision columns",
     "both_yaw30": "fit, both contours, 6 expressions",
     "both_yaw30_mesh": "with mesh",
-    "both_yaw30_mesh_int16": "with mesh of 16-bit columns",
+    "both_yaw30_mesh_single": "with mesh of single precision columns",
     "joint_front": "`JointFitter`, facing contour, 6 expressions",
     "joint_front_mesh": "with mesh",
     "joint_front_arkit47": "`JointFitter`, facing contour, 47 expressions",
     "joint_front_arkit47_mesh": "with mesh",
     "joint_both_yaw30": "`JointFitter`, both contours, 6 expressions",
     "joint_both_yaw30_mesh": "with mesh",
+    "joint_warm_ekman6": "`JointFitter` from the last result, 6",
+    "joint_warm_arkit47": "`JointFitter` from the last result, 47",
+    "joint_step_ekman6": "`JointFitter`, one step from the last result, without covariance, 6",
+    "joint_step_arkit47": "`JointFitter`, one step from the last result, without covariance, 47",
+    "joint_frames_10_ekman6": "`JointFitter::fit_frames` of 10 images, 6",
+    "joint_frames_10_arkit47": "`JointFitter::fit_frames` of 10 images, 47",
     "warm_step_ekman6": "one iteration from the last result, 6",
     "warm_step_arkit47": "one iteration from the last result, 47",
     "frozen_ekman6": "one iteration, identity frozen, 6",
@@ -43,8 +49,8 @@ PARTS = {
     "sweep_100_arkit47": "`fit_frames` of 100 images, 47",
     "mesh_ekman6": "mesh alone, 6",
     "mesh_arkit47": "mesh alone, 47",
-    "mesh_int16_ekman6": "mesh alone, 16-bit columns, 6",
-    "mesh_int16_arkit47": "mesh alone, 16-bit columns, 47",
+    "mesh_single_ekman6": "mesh alone, columns of single precision, 6",
+    "mesh_single_arkit47": "mesh alone, columns of single precision, 47",
     "mesh_of_frozen_ekman6": "mesh alone, identity frozen, 6",
     "mesh_of_frozen_arkit47": "mesh alone, identity frozen, 47",
     "mesh_batch_ekman6": "`shapes_of`, 64 meshes, 6",
@@ -93,7 +99,7 @@ class Row:
         self.median = statistics.median(run.times(name))
         self.least = run.least(name)
         self.spread = run.spread(name)
-        self.reference = run.least("reference/" + part.replace("_int16", ""))
+        self.reference = run.least("reference/" + part.replace("_single", ""))
         self.limit = run.least(limit)
         if self.limit:
             self.limit_kind = run.entries[limit][0]["label"]
