@@ -5,8 +5,8 @@
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 
+#include "support/face_model.hpp"
 #include "support/planted_face.hpp"
 
 #include <gtest/gtest.h>
@@ -16,12 +16,7 @@
 namespace lineament {
 namespace {
 
-const MorphableModel& face_model()
-{
-    static const MorphableModel model =
-        load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
-    return model;
-}
+using test::face_model;
 
 /// The mean face, turned.
 LandmarkSet turned_face(double yaw_deg)

@@ -5,9 +5,9 @@
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
+#include "support/face_model.hpp"
 #include "support/planted_face.hpp"
 
 #include <gtest/gtest.h>
@@ -17,12 +17,7 @@
 namespace lineament {
 namespace {
 
-const MorphableModel& face_model()
-{
-    static const MorphableModel model =
-        load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
-    return model;
-}
+using test::face_model;
 
 const Eigen::Vector2d centre(320, 240);
 constexpr int num_trials = 200;

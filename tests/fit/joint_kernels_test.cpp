@@ -3,9 +3,9 @@
 //
 // The joint fit on the kernels of every instruction set, against the same fit in plain double precision.
 #include "lineament/fit/joint_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
+#include "support/face_model.hpp"
 #include "support/matchers.hpp"
 #include "support/planted_face.hpp"
 
@@ -31,7 +31,7 @@ void PrintTo(const Case& given, std::ostream* out)
 class JointKernelsTest : public testing::TestWithParam<Case>
 {
 protected:
-    const MorphableModel model = load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
+    const MorphableModel& model = test::face_model();
 
     [[nodiscard]] JointOptions options() const
     {

@@ -3,9 +3,9 @@
 //
 // Columns of 16 bits in RealtimeFitter: where they lose nothing, and what they lose elsewhere.
 #include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
+#include "support/face_model.hpp"
 #include "support/planted_face.hpp"
 
 #include <gtest/gtest.h>
@@ -13,12 +13,7 @@
 namespace lineament {
 namespace {
 
-const MorphableModel& face_model()
-{
-    static const MorphableModel model =
-        load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
-    return model;
-}
+using test::face_model;
 
 FitOptions with_expressions(const std::string& set)
 {

@@ -4,10 +4,10 @@
 // The single precision fit against FaceFitter, the same answer by plain double precision. A program of its own, because
 // it counts allocations.
 #include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
 #include "support/count_allocations.hpp"
+#include "support/face_model.hpp"
 #include "support/matchers.hpp"
 #include "support/planted_face.hpp"
 
@@ -17,13 +17,7 @@
 namespace lineament {
 namespace {
 
-/// The model that ships: 60 components, 6 or 47 expressions.
-const MorphableModel& face_model()
-{
-    static const MorphableModel model =
-        load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
-    return model;
-}
+using test::face_model;
 
 /// A small one with odd numbers of everything.
 const MorphableModel& small_model()

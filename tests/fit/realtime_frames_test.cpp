@@ -3,10 +3,10 @@
 //
 // RealtimeFitter::fit_frames against lineament::fit_frames, the same answer from all rows stacked in double precision.
 #include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
 #include "support/count_allocations.hpp"
+#include "support/face_model.hpp"
 #include "support/matchers.hpp"
 #include "support/planted_face.hpp"
 
@@ -15,14 +15,9 @@
 namespace lineament {
 namespace {
 
-const Eigen::Vector2d centre(320, 240);
+using test::face_model;
 
-const MorphableModel& face_model()
-{
-    static const MorphableModel model =
-        load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
-    return model;
-}
+const Eigen::Vector2d centre(320, 240);
 
 /// Images of one person, each with its own camera and expression.
 std::vector<LandmarkSet> plant_images(Random& random, int num_images, double max_yaw_deg = 45,

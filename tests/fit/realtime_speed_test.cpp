@@ -7,9 +7,9 @@
 #include "measures.hpp"
 
 #include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
+#include "support/face_model.hpp"
 #include "support/sanitized.hpp"
 #include "support/synthetic_face.hpp"
 
@@ -28,6 +28,8 @@
 namespace lineament {
 namespace {
 
+using test::face_model;
+
 // About twice what AVX2 kernels and three times what AVX-512 kernels need. The plain ones need more, FaceFitter far
 // more.
 constexpr double max_fit_ratio = 1.4;
@@ -35,14 +37,6 @@ constexpr double max_step_ratio = 0.25;
 
 const Eigen::Vector2d centre(320, 240);
 float sink = 0; ///< Takes every answer, so that none is left out.
-
-/// The model that ships: 3,166 vertices, 60 components, here with 6 expressions.
-const MorphableModel& face_model()
-{
-    static const MorphableModel model =
-        load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
-    return model;
-}
 
 RealtimeFitter make_fitter(int iterations, const kernels::Kernels& kernels = kernels::dispatched_kernels())
 {

@@ -5,9 +5,9 @@
 // set, they differ by less than 1 um.
 #include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
+#include "support/face_model.hpp"
 #include "support/planted_face.hpp"
 
 #include <gtest/gtest.h>
@@ -99,7 +99,7 @@ double distance_um(const MorphableModel& model, const FitResult& fit, const doub
 
 TEST(SameEverywhere, FitsToGivenCorrespondences)
 {
-    const MorphableModel model = load_model(std::string(LINEAMENT_SOURCE_DIR) + "/models/lineament-face-1.safetensors");
+    const MorphableModel& model = test::face_model();
     const Eigen::Vector2d centre(320, 240);
     FitOptions options;
     options.contour = ContourMode::fixed;
