@@ -16,7 +16,8 @@ namespace lineament::bench {
 class FittersOfMethod
 {
 public:
-    FittersOfMethod(const MorphableModel& model, const std::string& method)
+    /// @param iterations  Of "thesis"; joint fits settle.
+    FittersOfMethod(const MorphableModel& model, const std::string& method, int iterations = FitOptions().iterations)
     {
         for (const char* scheme : {"ibug68", "mediapipe478"}) {
             if (method == "joint") {
@@ -26,6 +27,7 @@ public:
             } else {
                 FitOptions options;
                 options.outline_beside_scheme = true;
+                options.iterations = iterations;
                 thesis_.try_emplace(scheme, model, scheme, options);
             }
         }

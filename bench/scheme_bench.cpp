@@ -233,8 +233,11 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
         double fit_us = 0.0;                               ///< To all points of the mesh.
     };
     std::vector<Method> methods;
-    for (const char* name : {"thesis", "joint"}) {
-        methods.push_back({name, FittersOfMethod(model, name)});
+    methods.push_back({"thesis", FittersOfMethod(model, "thesis")});
+    methods.push_back({"joint", FittersOfMethod(model, "joint")});
+    for (const int iterations : {1, 100}) {
+        methods.push_back(
+            {"thesis, iterations: " + std::to_string(iterations), FittersOfMethod(model, "thesis", iterations)});
     }
     for (const auto& [person, path] : pictures) {
         const ImageU8 picture = load_image(path);
