@@ -249,6 +249,26 @@ void joint_warm_fit(benchmark::State& state, const Kernels& kernels, std::string
     state.SetLabel(to_string(result.fit.status));
 }
 
+/// The same of a known identity, with its mesh.
+void joint_frozen_step(benchmark::State& state, const Kernels& kernels, std::string expression_set)
+{
+    JointOptions options = joint_options(ContourMode::front_facing, expression_set, false);
+    options.rounds = 1;
+    options.max_iterations = 1;
+    const JointFitter fitter(face_model(), "ibug68", options, &kernels);
+    const RealtimeFitter& meshes = fitter_of(kernels, options_of(ContourMode::front_facing, expression_set));
+    RealtimeWorkspace workspace = meshes.make_workspace();
+    const std::vector<LandmarkSet> frames = video();
+    JointFitResult result = fitter.fit(frames[0], centre);
+    const Eigen::VectorXd identity = result.fit.shape_coefficients;
+    const FrozenIdentity frozen = meshes.freeze(identity);
+    std::size_t next = 0;
+    for (auto _ : state) {
+        result = fitter.fit_pose_and_expression(frames[next++ % frames.size()], centre, identity, &result.fit);
+        benchmark::DoNotOptimize(meshes.shape_of(frozen, result.fit, workspace).data());
+    }
+}
+
 /// One identity of several images, all at once.
 void joint_frames(benchmark::State& state, const Kernels& kernels, std::string expression_set, int num_images)
 {
@@ -560,6 +580,7 @@ void register_parts(const Kernels& kernels)
         add_part("warm_step", warm_step);
         add_part("joint_warm", [](auto& s, const Kernels& k, const auto& e) { joint_warm_fit(s, k, e, true); });
         add_part("joint_step", [](auto& s, const Kernels& k, const auto& e) { joint_warm_fit(s, k, e, false); });
+        add_part("joint_frozen", joint_frozen_step);
         add_part("joint_frames_10", [](auto& s, const Kernels& k, const auto& e) { joint_frames(s, k, e, 10); });
         add_part("frozen", [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::none); });
         add_part("frozen_mesh",

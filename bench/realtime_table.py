@@ -35,6 +35,8 @@ PARTS = {
     "joint_warm_arkit47": "`JointFitter` from the last result, 47",
     "joint_step_ekman6": "`JointFitter`, one step from the last result, without covariance, 6",
     "joint_step_arkit47": "`JointFitter`, one step from the last result, without covariance, 47",
+    "joint_frozen_ekman6": "the same, identity frozen, and mesh, 6",
+    "joint_frozen_arkit47": "the same, identity frozen, and mesh, 47",
     "joint_frames_10_ekman6": "`JointFitter::fit_frames` of 10 images, 6",
     "joint_frames_10_arkit47": "`JointFitter::fit_frames` of 10 images, 47",
     "warm_step_ekman6": "one iteration from the last result, 6",

@@ -285,6 +285,56 @@ TEST(JointFitter, WildLandmarksHardlyMoveTheFace)
     EXPECT_GT(none, 1.25 * clean); // the twin
 }
 
+TEST(JointFitter, AKnownIdentityIsLeftAlone)
+{
+    Random random(134);
+    double known_error = 0, fitted_error = 0;
+    for (int trial = 0; trial < 20; ++trial) {
+        const PlantedFace planted = plant_face_from_priors(random, 2.0, 45);
+        const Eigen::Vector2d centre = planted.camera.principal_point_px;
+        const JointFitter fitter(synthetic_face());
+        const JointFitResult known = fitter.fit_pose_and_expression(planted.landmarks, centre, planted.alpha);
+        ASSERT_EQ(known.fit.status, FitStatus::success) << known.fit.reason;
+        EXPECT_EQ(known.fit.shape_coefficients, planted.alpha);
+        const Eigen::Index num_shape = planted.alpha.size();
+        EXPECT_EQ(known.covariance.topRows(num_shape).norm(), 0.0);
+        for (Eigen::Index k = 0; k < planted.psi.size(); ++k) {
+            const double psi = known.fit.expression_coefficients[k];
+            EXPECT_EQ(known.covariance(num_shape + k, num_shape + k) > 0, psi > 0 && psi < 1) << k;
+        }
+        // The same minimum: a fit from there, with a prior that pins the identity to the truth.
+        IdentityFilter pinned(num_shape);
+        const double strength = 1e10;
+        pinned.add({strength * Eigen::MatrixXd::Identity(num_shape, num_shape), strength * planted.alpha});
+        JointOptions options;
+        options.bias_sigma_mm = 0;
+        const JointFitter plain(synthetic_face(), "ibug68", options);
+        const JointFitResult by_prior = plain.fit(planted.landmarks, centre, nullptr, {}, &pinned);
+        const JointFitResult held = plain.fit_pose_and_expression(planted.landmarks, centre, planted.alpha);
+        EXPECT_THAT(held.fit.expression_coefficients, IsNear(by_prior.fit.expression_coefficients, 2e-3));
+        EXPECT_THAT(held.fit.camera.camera_from_model, IsNear(by_prior.fit.camera.camera_from_model, 2e-3));
+
+        const JointFitResult fitted = fitter.fit(planted.landmarks, centre);
+        known_error += (known.fit.expression_coefficients - planted.psi).norm();
+        fitted_error += (fitted.fit.expression_coefficients - planted.psi).norm();
+    }
+    EXPECT_LT(known_error, 0.9 * fitted_error); // who knows the face sees more of its expression
+    const PlantedFace planted = plant_face_from_priors(random, 2.0, 45);
+    const JointFitter fitter(synthetic_face());
+    const JointFitResult mean = fitter.fit_pose_and_expression(planted.landmarks, {320, 240}, Eigen::VectorXd());
+    EXPECT_TRUE(mean.fit.shape_coefficients.isZero(0));
+    const Eigen::VectorXd beyond = Eigen::VectorXd::Constant(planted.alpha.size(), 6); // no fit goes there
+    EXPECT_EQ(fitter.fit_pose_and_expression(planted.landmarks, {320, 240}, beyond).fit.shape_coefficients, beyond);
+    for (const Eigen::VectorXd& wrong : {Eigen::VectorXd(Eigen::VectorXd::Zero(planted.alpha.size() + 1)),
+                                         Eigen::VectorXd(Eigen::VectorXd::Constant(1, std::nan("")))}) {
+        EXPECT_TRUE(test::throws<InvalidArgument>(
+            [&] {
+                (void)fitter.fit_pose_and_expression(planted.landmarks, {320, 240}, wrong);
+            },
+            "shape_coefficients"));
+    }
+}
+
 TEST(JointFitter, CovariancesInPixelsAndMillimetresAgree)
 {
     Random random(155);

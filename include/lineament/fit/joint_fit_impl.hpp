@@ -35,6 +35,8 @@ public:
 
     void add_image(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const FitResult* start,
                    std::span<const Eigen::Matrix2d> covariances_px);
+    /// After the images: the identity is known.
+    void hold_identity(const Eigen::VectorXd& alpha);
     void run();
     [[nodiscard]] JointFramesResult result();
 
@@ -156,6 +158,12 @@ inline void JointFit::match()
         images_[used_[f]].matcher.match(state_.cameras[f], state_.alpha, state_.psi[f], noise, problem_.images[f]);
         matched_scales_.push_back(scale);
     }
+}
+
+inline void JointFit::hold_identity(const Eigen::VectorXd& alpha)
+{
+    state_.alpha = alpha;
+    problem_.holds_identity = true;
 }
 
 inline void JointFit::run()
@@ -326,7 +334,7 @@ inline void JointFit::judge(JointFramesResult& result) const
         result.status = FitStatus::not_converged;
         result.reason = "the joint fit did not settle in " + std::to_string(progress_.iterations) + " steps";
     }
-    if (num_at_bound > 0) {
+    if (num_at_bound > 0 && !problem_.holds_identity) {
         result.status = FitStatus::implausible;
         result.reason = std::to_string(num_at_bound) + " shape coefficients were held at " +
                         to_text(options_.max_coefficient) + " standard deviations";

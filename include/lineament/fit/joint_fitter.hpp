@@ -137,6 +137,14 @@ public:
                                      std::span<const Eigen::Matrix2d> covariances_px = {},
                                      const IdentityFilter* earlier = nullptr) const;
 
+    /// As fit, with the identity known and left alone; rows of it in the covariance are 0.
+    /// @param shape_coefficients  At most as many as are fitted; missing ones are 0.
+    [[nodiscard]] JointFitResult fit_pose_and_expression(const LandmarkSet& landmarks,
+                                                         const Eigen::Vector2d& principal_point_px,
+                                                         const Eigen::VectorXd& shape_coefficients,
+                                                         const FitResult* start = nullptr,
+                                                         std::span<const Eigen::Matrix2d> covariances_px = {}) const;
+
     /// One identity, with its prior counted once, from images of one person; camera and expression of each its own.
     /// @param starts          Earlier results, one for each image, or empty; the first one's identity is taken.
     /// @param covariances_px  As of `fit`, for each image, or empty.

@@ -101,6 +101,23 @@ LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmark
     return std::move(fit.result().frames.front());
 }
 
+LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit_pose_and_expression(
+    const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const Eigen::VectorXd& shape_coefficients,
+    const FitResult* start, std::span<const Eigen::Matrix2d> covariances_px) const
+{
+    const char* const function = "JointFitter::fit_pose_and_expression";
+    require(shape_coefficients.size() <= num_shape_coefficients(), function, "shape_coefficients",
+            "at most " + std::to_string(num_shape_coefficients()), std::to_string(shape_coefficients.size()));
+    require_finite(shape_coefficients, function, "shape_coefficients");
+    Eigen::VectorXd alpha = Eigen::VectorXd::Zero(num_shape_coefficients());
+    alpha.head(shape_coefficients.size()) = shape_coefficients;
+    detail::JointFit fit(base_, points_, options_, no_images_.state(), 0, kernels_);
+    fit.add_image(landmarks, principal_point_px, start, covariances_px);
+    fit.hold_identity(alpha);
+    fit.run();
+    return std::move(fit.result().frames.front());
+}
+
 LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
     std::span<const LandmarkSet> frames, const Eigen::Vector2d& principal_point_px, std::span<const FitResult> starts,
     std::span<const std::vector<Eigen::Matrix2d>> covariances_px) const

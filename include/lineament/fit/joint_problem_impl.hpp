@@ -326,8 +326,13 @@ LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::Vec
     const double infinity = std::numeric_limits<double>::infinity();
     down = Eigen::VectorXd::Constant(num_unknowns(), -infinity);
     up = Eigen::VectorXd::Constant(num_unknowns(), infinity);
-    down.head(num_shape()).array() = -options_.max_coefficient - state.alpha.array();
-    up.head(num_shape()).array() = options_.max_coefficient - state.alpha.array();
+    if (holds_identity) {
+        down.head(num_shape()).setZero();
+        up.head(num_shape()).setZero();
+    } else {
+        down.head(num_shape()).array() = -options_.max_coefficient - state.alpha.array();
+        up.head(num_shape()).array() = options_.max_coefficient - state.alpha.array();
+    }
     if (has_phi()) {
         down[num_shape()] = -state.phi_per_mm;
     }
@@ -352,8 +357,10 @@ LINEAMENT_FIT_INLINE void JointProblem::move(const JointState& state, const Join
                                              const Eigen::VectorXd& step, double damping, JointState& next) const
 {
     next = state;
-    const double bound = options_.max_coefficient;
-    next.alpha = (state.alpha + step.head(num_shape())).cwiseMax(-bound).cwiseMin(bound);
+    if (!holds_identity) {
+        const double bound = options_.max_coefficient;
+        next.alpha = (state.alpha + step.head(num_shape())).cwiseMax(-bound).cwiseMin(bound);
+    }
     if (has_phi()) {
         next.phi_per_mm = std::max(0.0, state.phi_per_mm + step[num_shape()]);
     }
