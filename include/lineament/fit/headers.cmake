@@ -58,6 +58,7 @@ set(definitions
     realtime_fit_impl.hpp
     realtime_fitter_impl.hpp
     realtime_frames_impl.hpp
+    realtime_mesh_columns_impl.hpp
     realtime_pack_impl.hpp
     realtime_pose_impl.hpp
     realtime_result_impl.hpp
