@@ -51,6 +51,26 @@ TEST(JointFitter, DepthTurnsTheHeadAndLeavesTheIdentity)
     EXPECT_LT(with, 0.8 * without);
 }
 
+TEST(JointFitter, DepthTurnsAKnownFaceAsItIs)
+{
+    Random random(453);
+    const Planted planted = plant(random, 1, 2.0);
+    const LandmarkSet deep = with_depth(planted)[0];
+    Eigen::VectorXd alpha = planted.alpha;
+    alpha[0] = 6;
+    JointOptions options; // whose bounds a known identity need not keep
+    const JointFitResult beyond =
+        JointFitter(synthetic_face(), "ibug68", options).fit_pose_and_expression(deep, centre, alpha);
+    options.max_coefficient = 10;
+    const JointFitResult within =
+        JointFitter(synthetic_face(), "ibug68", options).fit_pose_and_expression(deep, centre, alpha);
+    EXPECT_EQ(beyond.fit.expression_coefficients, within.fit.expression_coefficients);
+    EXPECT_EQ(beyond.fit.camera.camera_from_model, within.fit.camera.camera_from_model);
+    EXPECT_NE(beyond.fit.camera.camera_from_model, JointFitter(synthetic_face())
+                                                       .fit_pose_and_expression(planted.images[0], centre, alpha)
+                                                       .fit.camera.camera_from_model); // the twin: depth turned it
+}
+
 TEST(JointFitter, DepthTurnsEachOfSeveralImages)
 {
     Random random(452);

@@ -77,6 +77,25 @@ TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecision)
     }
 }
 
+TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecisionForAKnownIdentity)
+{
+    const JointFitter plain(model, "ibug68", options());
+    const Eigen::VectorXd identity = plain.fit(faces()[0], {320, 240}).fit.shape_coefficients;
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        const JointFitter fitter(model, "ibug68", options(), set);
+        for (const LandmarkSet& landmarks : faces()) { // also of persons it is not
+            const JointFitResult expected = plain.fit_pose_and_expression(landmarks, {320, 240}, identity);
+            const JointFitResult result = fitter.fit_pose_and_expression(landmarks, {320, 240}, identity);
+            ASSERT_EQ(result.fit.status, expected.fit.status) << set->name << ": " << result.fit.reason;
+            EXPECT_EQ(result.fit.shape_coefficients, identity);
+            EXPECT_LT(1000 * test::largest_vertex_distance_mm(model, result.fit, expected.fit), 1) << set->name;
+            const double largest = expected.covariance.cwiseAbs().maxCoeff();
+            EXPECT_LT((result.covariance - expected.covariance).cwiseAbs().maxCoeff(), 1e-4 * largest) << set->name;
+            EXPECT_EQ(result.scale_strength, 0) << set->name; // the face says nothing more of its size
+        }
+    }
+}
+
 TEST_P(JointKernelsTest, GiveTheMeshOfPlainSums)
 {
     FitResult fit = JointFitter(model, "ibug68", options()).fit(faces()[0], {320, 240}).fit;

@@ -230,6 +230,7 @@ inline void JointFit::turn_by_depth(std::size_t f)
     JointProblem alone(options_, prior_, problem_.num_own() - 6);
     alone.images = {problem_.images[f]};
     alone.moves_expressions_only = true;
+    alone.holds_identity = problem_.holds_identity;
     JointImage& seen = alone.images.front();
     JointState state{state_.alpha, 0.0, {state_.cameras[f]}, {state_.psi[f]}, {}};
     const double own_scale = seen.matched_scale / state.cameras.front().scale_px_per_mm;
