@@ -176,9 +176,11 @@ void joint_fit(benchmark::State& state, const Kernels& kernels, ContourMode mode
     const RealtimeFitter& meshes = fitter_of(kernels, options_of(mode, expression_set));
     RealtimeWorkspace workspace = meshes.make_workspace();
     const std::vector<LandmarkSet>& sets = faces(yaw_deg);
+    JointWorkspace joint = fitter.make_workspace();
+    JointFitResult result;
     std::size_t next = 0;
     for (auto _ : state) {
-        const JointFitResult result = fitter.fit(sets[next++ % sets.size()], centre);
+        fitter.fit(sets[next++ % sets.size()], centre, joint, result);
         benchmark::DoNotOptimize(result.fit.rms_px);
         if (mesh != Mesh::none) {
             benchmark::DoNotOptimize(meshes.shape_of(result.fit, workspace).data());
@@ -241,10 +243,11 @@ void joint_warm_fit(benchmark::State& state, const Kernels& kernels, std::string
     }
     const JointFitter fitter(face_model(), "ibug68", options, &kernels);
     const std::vector<LandmarkSet> frames = video();
+    JointWorkspace workspace = fitter.make_workspace();
     JointFitResult result = fitter.fit(frames[0], centre);
     std::size_t next = 0;
     for (auto _ : state) {
-        result = fitter.fit(frames[next++ % frames.size()], centre, &result.fit);
+        fitter.fit(frames[next++ % frames.size()], centre, workspace, result, &result.fit);
     }
     state.SetLabel(to_string(result.fit.status));
 }
@@ -260,11 +263,12 @@ void joint_frozen_step(benchmark::State& state, const Kernels& kernels, std::str
     RealtimeWorkspace workspace = meshes.make_workspace();
     const std::vector<LandmarkSet> frames = video();
     JointFitResult result = fitter.fit(frames[0], centre);
-    const Eigen::VectorXd identity = result.fit.shape_coefficients;
-    const FrozenIdentity frozen = meshes.freeze(identity);
+    const KnownIdentity identity = fitter.prepare_identity(result.fit.shape_coefficients);
+    const FrozenIdentity frozen = meshes.freeze(identity.shape_coefficients());
+    JointWorkspace joint = fitter.make_workspace();
     std::size_t next = 0;
     for (auto _ : state) {
-        result = fitter.fit_pose_and_expression(frames[next++ % frames.size()], centre, identity, &result.fit);
+        fitter.fit_pose_and_expression(frames[next++ % frames.size()], centre, identity, joint, result, &result.fit);
         benchmark::DoNotOptimize(meshes.shape_of(frozen, result.fit, workspace).data());
     }
 }
@@ -450,11 +454,14 @@ void joint_batch(benchmark::State& state, const Kernels& kernels, bool with_cova
     const RealtimeFitter& meshes = fitter_of(kernels, options_of(ContourMode::front_facing, "ekman6"));
     RealtimeWorkspace workspace = meshes.make_workspace();
     const std::vector<LandmarkSet>& sets = faces(-1);
+    JointWorkspace joint = fitter->make_workspace();
+    JointFitResult result;
     std::vector<FitResult> fits(sets.size());
     Eigen::MatrixXf shapes;
     for (auto _ : state) {
         for (std::size_t f = 0; f < sets.size(); ++f) {
-            fits[f] = fitter->fit(sets[f], centre).fit;
+            fitter->fit(sets[f], centre, joint, result);
+            std::swap(fits[f], result.fit);
         }
         meshes.shapes_of(fits, workspace, shapes);
         benchmark::DoNotOptimize(shapes.data());

@@ -48,14 +48,16 @@ detail::JointSystem linearized(const detail::JointProblem& problem, const detail
 struct Round
 {
     Round(const Planted& planted, const JointOptions& options, const std::vector<JointFitResult>& at)
-        : prior(IdentityFilter(synthetic_face().shape.num_coefficients()).state()),
+        : prior(synthetic_face().shape.num_coefficients()),
           problem(options, prior, synthetic_face().expression_sets[0].num_coefficients())
     {
         state.alpha = at.front().fit.shape_coefficients;
         for (std::size_t f = 0; f < at.size(); ++f) {
             const detail::JointPoints points{detail::PackedPoints(base().landmark_points())}; // the outline is fixed
-            detail::JointImageMatcher matcher(base(), points, options, nullptr, planted.images[f], {});
-            detail::JointImage image = matcher.fixed_image();
+            detail::JointImageMatcher matcher;
+            matcher.begin({base(), points, options}, planted.images[f], {});
+            detail::JointImage image;
+            matcher.set_fixed_points(image);
             matcher.match(at[f].fit.camera, state.alpha, at[f].fit.expression_coefficients,
                           {at[f].matched_scale_px_per_mm, static_cast<int>(at.size()), 0, options.bias_sigma_mm > 0},
                           image);
@@ -97,7 +99,7 @@ struct Round
         return gradient;
     }
 
-    IdentityInformation prior;
+    detail::IdentityPrior prior;
     detail::JointProblem problem;
     detail::JointState state;
 };
@@ -195,7 +197,7 @@ TEST(JointFitter, BiasesEliminatedAreBiasesAmongTheUnknowns)
     round.state.bias.setZero();
     const Eigen::Index num_shape = synthetic_face().shape.num_coefficients();
     const Eigen::Index num_biases = round.state.bias.size();
-    const IdentityInformation wide_prior = IdentityFilter(num_shape + num_biases).state();
+    const detail::IdentityPrior wide_prior(num_shape + num_biases);
     detail::JointProblem wide(options, wide_prior, synthetic_face().expression_sets[0].num_coefficients());
     detail::JointState wide_state = round.state;
     wide_state.bias.resize(3, 0);

@@ -31,6 +31,23 @@ detail::JointSystem random_system(Random& random, int size)
     return system;
 }
 
+Eigen::VectorXd bounded_step(const detail::JointSystem& system, detail::PositiveFactor& factor)
+{
+    detail::StepRoom room;
+    Eigen::VectorXd step;
+    detail::bounded_step(system, system.gradient, factor, room, step);
+    return step;
+}
+
+Eigen::VectorXd informed_step(const detail::JointSystem& system, const detail::StepTaken& last,
+                              detail::PositiveFactor& factor)
+{
+    detail::StepRoom room;
+    Eigen::VectorXd step;
+    detail::informed_step(system, last, factor, room, step);
+    return step;
+}
+
 /// @return How often it was solved.
 int plain_step(const detail::JointSystem& system, Eigen::VectorXd& step)
 {
@@ -79,8 +96,7 @@ TEST(JointStep, IsThatOfFixingAndSolvingAnew)
                 factor.factor(system.hessian);
                 Eigen::VectorXd expected;
                 most = std::max(most, plain_step(system, expected));
-                EXPECT_THAT(detail::bounded_step(system, system.gradient, factor),
-                            IsNear(expected, set != nullptr ? 1e-3 : 1e-9));
+                EXPECT_THAT(bounded_step(system, factor), IsNear(expected, set != nullptr ? 1e-3 : 1e-9));
             }
         }
         EXPECT_GE(most, 3); // more is held by what the first ones push
@@ -96,15 +112,15 @@ TEST(JointStep, LearnsFromTheLastOneWhatItsMatrixGetsWrong)
     factor.factor(3 * hessian); // a third of each step
     system.up = Eigen::VectorXd::Constant(12, 100);
     system.down = -system.up;
-    const detail::StepTaken last{detail::bounded_step(system, system.gradient, factor), system.gradient};
+    const detail::StepTaken last{bounded_step(system, factor), system.gradient};
     system.gradient += hessian * last.step;
     const Eigen::VectorXd expected = -hessian.llt().solve(system.gradient);
-    EXPECT_THAT(detail::informed_step(system, last, factor), IsNear(expected, 1e-9));
-    const Eigen::VectorXd plain = detail::bounded_step(system, system.gradient, factor);
+    EXPECT_THAT(informed_step(system, last, factor), IsNear(expected, 1e-9));
+    const Eigen::VectorXd plain = bounded_step(system, factor);
     EXPECT_THAT(plain, IsNear(Eigen::VectorXd(expected / 3), 1e-9)); // the twin
     system.up = 0.5 * expected.cwiseAbs();                           // no room for all of it
     system.down = -system.up;
-    EXPECT_THAT(detail::informed_step(system, last, factor), IsNear(plain, 1e-9));
+    EXPECT_THAT(informed_step(system, last, factor), IsNear(plain, 1e-9));
 }
 
 TEST(JointStep, OfAMatrixThatIsNotPositiveDefiniteIsNotANumber)
@@ -118,7 +134,7 @@ TEST(JointStep, OfAMatrixThatIsNotPositiveDefiniteIsNotANumber)
         factor.factor(system.hessian);
         system.up = Eigen::VectorXd::Constant(6, std::numeric_limits<double>::infinity());
         system.down = -system.up;
-        EXPECT_FALSE(detail::bounded_step(system, system.gradient, factor).allFinite());
+        EXPECT_FALSE(bounded_step(system, factor).allFinite());
     }
 }
 

@@ -119,12 +119,11 @@ public:
     /// Sets point `to` to a vertex.
     void assign_vertex(ModelPoints& points, Eigen::Index to, int vertex) const;
 
-    /// The point at `fraction` from one vertex to another.
     /// @param mean        3.
     /// @param identity    m x 3, as in PackedPoints.
     /// @param expression  k x 3.
-    void point_between(int vertex, int next_vertex, double fraction, Eigen::Ref<Eigen::Vector3d> mean,
-                       Eigen::Ref<Eigen::MatrixX3f> identity, Eigen::Ref<Eigen::MatrixX3f> expression) const;
+    void get_vertex(int vertex, Eigen::Ref<Eigen::Vector3d> mean, Eigen::Ref<Eigen::MatrixX3f> identity,
+                    Eigen::Ref<Eigen::MatrixX3f> expression) const;
 
 private:
     MorphableModel model_;

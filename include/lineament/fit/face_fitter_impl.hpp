@@ -127,18 +127,14 @@ LINEAMENT_FIT_INLINE void FaceFitter::assign_vertex(ModelPoints& points, Eigen::
     points.expression.middleCols<3>(3 * to) = expression_rows_.middleCols<3>(column).cast<double>();
 }
 
-LINEAMENT_FIT_INLINE void FaceFitter::point_between(int vertex, int next_vertex, double fraction,
-                                                    Eigen::Ref<Eigen::Vector3d> mean,
-                                                    Eigen::Ref<Eigen::MatrixX3f> identity,
-                                                    Eigen::Ref<Eigen::MatrixX3f> expression) const
+LINEAMENT_FIT_INLINE void FaceFitter::get_vertex(int vertex, Eigen::Ref<Eigen::Vector3d> mean,
+                                                 Eigen::Ref<Eigen::MatrixX3f> identity,
+                                                 Eigen::Ref<Eigen::MatrixX3f> expression) const
 {
-    const Eigen::Index first = 3 * static_cast<Eigen::Index>(vertex), next = 3 * static_cast<Eigen::Index>(next_vertex);
-    const auto between = [before = static_cast<float>(1 - fraction), after = static_cast<float>(fraction)](
-                             const auto& a, const auto& b) { return before * a + after * b; };
-    mean = (1 - fraction) * model_.shape.mean.segment<3>(first).cast<double>() +
-           fraction * model_.shape.mean.segment<3>(next).cast<double>();
-    identity = between(identity_rows_.middleCols<3>(first), identity_rows_.middleCols<3>(next));
-    expression = between(expression_rows_.middleCols<3>(first), expression_rows_.middleCols<3>(next));
+    const Eigen::Index column = 3 * static_cast<Eigen::Index>(vertex);
+    mean = model_.shape.mean.segment<3>(column).cast<double>();
+    identity = identity_rows_.middleCols<3>(column);
+    expression = expression_rows_.middleCols<3>(column);
 }
 
 namespace detail {

@@ -101,7 +101,7 @@ inline FrameFit::FrameFit(const FaceFitter& fitter, const LandmarkSet& landmarks
 {
     const char* const function = "FaceFitter::fit";
     require_finite(principal_point_px, function, "principal_point_px");
-    use_ = use_of_landmarks(fitter, landmarks, function);
+    set_use_of_landmarks(fitter, landmarks, function, use_);
     camera_.principal_point_px = principal_point_px;
     const Blendshapes* expressions = fitter.expressions();
     expression_coefficients_ = Eigen::VectorXd::Zero(expressions ? expressions->num_coefficients() : 0);

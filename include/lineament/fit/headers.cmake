@@ -37,12 +37,15 @@ set(definitions
     frame_fit_impl.hpp
     identity_filter_impl.hpp
     identity_impl.hpp
+    identity_prior_impl.hpp
     joint_certainty_impl.hpp
+    joint_fit.hpp
     joint_fit_impl.hpp
     joint_fitter_impl.hpp
     joint_hessian_impl.hpp
     joint_image_impl.hpp
     joint_problem_impl.hpp
+    joint_result_impl.hpp
     joint_solver_impl.hpp
     joint_start_impl.hpp
     landmark_use_impl.hpp
@@ -63,5 +66,6 @@ set(definitions
     realtime_pose_impl.hpp
     realtime_result_impl.hpp
     realtime_solve_impl.hpp
+    roomy_matrix_impl.hpp
     silhouette_impl.hpp
 )

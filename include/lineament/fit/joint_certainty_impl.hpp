@@ -66,7 +66,8 @@ struct JointCertainty
 [[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
                                                  JointSystem& system, PositiveFactor& factor)
 {
-    const std::vector<int> free = problem.free_unknowns(state, system);
+    std::vector<int> free;
+    problem.find_free_unknowns(state, system, free);
     std::vector<int> held;
     std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
                         std::back_inserter(held));

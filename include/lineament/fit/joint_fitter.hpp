@@ -4,6 +4,7 @@
 
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/identity_filter.hpp"
+#include "lineament/fit/identity_prior_impl.hpp"
 #include "lineament/fit/packed_points_impl.hpp"
 #include "lineament/fit/robust_loss.hpp"
 #include "lineament/kernels/kernels.hpp"
@@ -11,9 +12,11 @@
 #include <Eigen/Core>
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace lineament {
@@ -103,6 +106,41 @@ struct JointFramesResult
     int degrees_of_freedom = 0;              ///< 2 per used landmark minus 6 per used image.
 };
 
+namespace detail {
+class JointFit;
+}
+
+/// A known identity with the points of its neutral face: made once by JointFitter::prepare_identity, good for any
+/// number of frames and threads, with that fitter only.
+class KnownIdentity
+{
+public:
+    [[nodiscard]] const Eigen::VectorXd& shape_coefficients() const { return shape_coefficients_; }
+
+private:
+    friend class JointFitter;
+    KnownIdentity(Eigen::VectorXd shape_coefficients, detail::JointPoints points)
+        : shape_coefficients_(std::move(shape_coefficients)), points_(std::move(points))
+    {}
+    Eigen::VectorXd shape_coefficients_; ///< m.
+    detail::JointPoints points_;
+};
+
+/// The memory one thread fits in: made by JointFitter::make_workspace, used with that fitter only, by one thread at a
+/// time. What a fit leaves in it never changes the next one.
+class JointWorkspace
+{
+public:
+    JointWorkspace(JointWorkspace&&) noexcept;
+    JointWorkspace& operator=(JointWorkspace&&) noexcept;
+    ~JointWorkspace();
+
+private:
+    friend class JointFitter;
+    explicit JointWorkspace(const kernels::Kernels* kernels);
+    std::unique_ptr<detail::JointFit> fit_;
+};
+
 /// Fits identity, expressions and cameras of one or several images of one person as the minimum of one energy:
 ///
 ///   E = sum rho(r^T W r) + |a|^2 + sum_f |psi_f / sigma|^2 + 2 sum_f n_f log s_f          docs/joint-fit.md, Eq. (7)
@@ -145,6 +183,28 @@ public:
                                                          const FitResult* start = nullptr,
                                                          std::span<const Eigen::Matrix2d> covariances_px = {}) const;
 
+    [[nodiscard]] JointWorkspace make_workspace() const;
+
+    /// The same bits, written to `result`, whose memory is used again.
+    ///
+    /// With kernels, from the second call on with as many landmarks, nothing is allocated for a face with a usable
+    /// pose, unless `earlier` is given, a focal length is known or asked for, landmarks have depths, are wild or lie
+    /// on a silhouette.
+    /// @param start  May be result.fit.
+    void fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, JointWorkspace& workspace,
+             JointFitResult& result, const FitResult* start = nullptr,
+             std::span<const Eigen::Matrix2d> covariances_px = {}, const IdentityFilter* earlier = nullptr) const;
+
+    /// The identity, ready for fit_pose_and_expression.
+    /// @throws InvalidArgument on more coefficients than are fitted, or one that is not finite.
+    [[nodiscard]] KnownIdentity prepare_identity(const Eigen::VectorXd& shape_coefficients) const;
+
+    /// As fit_pose_and_expression above, likewise.
+    void fit_pose_and_expression(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                                 const KnownIdentity& identity, JointWorkspace& workspace, JointFitResult& result,
+                                 const FitResult* start = nullptr,
+                                 std::span<const Eigen::Matrix2d> covariances_px = {}) const;
+
     /// One identity, with its prior counted once, from images of one person; camera and expression of each its own.
     /// @param starts          Earlier results, one for each image, or empty; the first one's identity is taken.
     /// @param covariances_px  As of `fit`, for each image, or empty.
@@ -177,7 +237,7 @@ private:
     JointOptions options_;
     FaceFitter base_; ///< Landmark rows and outline, prepared.
     detail::JointPoints points_;
-    IdentityFilter no_images_; ///< Where none came earlier.
+    detail::IdentityPrior prior_; ///< Where no images came earlier.
     const kernels::Kernels* kernels_;
 };
 

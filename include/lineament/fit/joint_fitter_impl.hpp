@@ -7,9 +7,11 @@
 
 #include "lineament/fit/inline.hpp"
 #include "lineament/fit/joint_fit_impl.hpp"
+#include "lineament/fit/joint_result_impl.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 namespace lineament {
@@ -85,37 +87,84 @@ namespace detail {
 LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options,
                                               const kernels::Kernels* kernels)
     : options_(std::move(options)), base_(std::move(model), std::move(scheme), detail::base_options(options_)),
-      points_(detail::joint_points(base_)), no_images_(base_.num_shape_coefficients()), kernels_(kernels)
+      points_(detail::joint_points(base_)), prior_(base_.num_shape_coefficients()), kernels_(kernels)
 {}
+
+LINEAMENT_FIT_INLINE JointWorkspace::JointWorkspace(const kernels::Kernels* kernels)
+    : fit_(std::make_unique<detail::JointFit>(kernels))
+{}
+LINEAMENT_FIT_INLINE JointWorkspace::JointWorkspace(JointWorkspace&&) noexcept = default;
+LINEAMENT_FIT_INLINE JointWorkspace& JointWorkspace::operator=(JointWorkspace&&) noexcept = default;
+LINEAMENT_FIT_INLINE JointWorkspace::~JointWorkspace() = default;
+
+LINEAMENT_FIT_INLINE JointWorkspace JointFitter::make_workspace() const
+{
+    return JointWorkspace(kernels_);
+}
+
+LINEAMENT_FIT_INLINE void JointFitter::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                                           JointWorkspace& workspace, JointFitResult& result, const FitResult* start,
+                                           std::span<const Eigen::Matrix2d> covariances_px,
+                                           const IdentityFilter* earlier) const
+{
+    std::optional<detail::IdentityPrior> of_earlier;
+    if (earlier != nullptr) {
+        require_size(earlier->state().vector.size(), num_shape_coefficients(), "JointFitter::fit", "earlier");
+        of_earlier.emplace(earlier->state(), earlier->num_images());
+    }
+    detail::JointFit& fit = *workspace.fit_;
+    fit.begin({base_, points_, options_, kernels_}, of_earlier ? *of_earlier : prior_);
+    fit.add_image(landmarks, principal_point_px, start, covariances_px);
+    fit.run();
+    fit.write(result);
+}
 
 LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmarks,
                                                      const Eigen::Vector2d& principal_point_px, const FitResult* start,
                                                      std::span<const Eigen::Matrix2d> covariances_px,
                                                      const IdentityFilter* earlier) const
 {
-    const IdentityFilter& filter = earlier != nullptr ? *earlier : no_images_;
-    require_size(filter.state().vector.size(), num_shape_coefficients(), "JointFitter::fit", "earlier");
-    detail::JointFit fit(base_, points_, options_, filter.state(), filter.num_images(), kernels_);
+    JointWorkspace workspace = make_workspace();
+    JointFitResult result;
+    fit(landmarks, principal_point_px, workspace, result, start, covariances_px, earlier);
+    return result;
+}
+
+LINEAMENT_FIT_INLINE KnownIdentity JointFitter::prepare_identity(const Eigen::VectorXd& shape_coefficients) const
+{
+    const char* const function = "JointFitter::prepare_identity";
+    require(shape_coefficients.size() <= num_shape_coefficients(), function, "shape_coefficients",
+            "at most " + std::to_string(num_shape_coefficients()), std::to_string(shape_coefficients.size()));
+    require_finite(shape_coefficients, function, "shape_coefficients");
+    Eigen::VectorXd alpha = Eigen::VectorXd::Zero(num_shape_coefficients());
+    alpha.head(shape_coefficients.size()) = shape_coefficients;
+    detail::JointPoints points{points_.landmarks.of_person(alpha), points_.candidates.of_person(alpha)};
+    return {std::move(alpha), std::move(points)};
+}
+
+LINEAMENT_FIT_INLINE void JointFitter::fit_pose_and_expression(const LandmarkSet& landmarks,
+                                                               const Eigen::Vector2d& principal_point_px,
+                                                               const KnownIdentity& identity, JointWorkspace& workspace,
+                                                               JointFitResult& result, const FitResult* start,
+                                                               std::span<const Eigen::Matrix2d> covariances_px) const
+{
+    const detail::IdentityPrior nothing_unknown(0);
+    detail::JointFit& fit = *workspace.fit_;
+    fit.begin({base_, identity.points_, options_, kernels_, &identity.shape_coefficients_}, nothing_unknown);
     fit.add_image(landmarks, principal_point_px, start, covariances_px);
     fit.run();
-    return std::move(fit.result().frames.front());
+    fit.write(result);
 }
 
 LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit_pose_and_expression(
     const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, const Eigen::VectorXd& shape_coefficients,
     const FitResult* start, std::span<const Eigen::Matrix2d> covariances_px) const
 {
-    const char* const function = "JointFitter::fit_pose_and_expression";
-    require(shape_coefficients.size() <= num_shape_coefficients(), function, "shape_coefficients",
-            "at most " + std::to_string(num_shape_coefficients()), std::to_string(shape_coefficients.size()));
-    require_finite(shape_coefficients, function, "shape_coefficients");
-    Eigen::VectorXd alpha = Eigen::VectorXd::Zero(num_shape_coefficients());
-    alpha.head(shape_coefficients.size()) = shape_coefficients;
-    detail::JointFit fit(base_, points_, options_, no_images_.state(), 0, kernels_);
-    fit.add_image(landmarks, principal_point_px, start, covariances_px);
-    fit.hold_identity(alpha);
-    fit.run();
-    return std::move(fit.result().frames.front());
+    JointWorkspace workspace = make_workspace();
+    JointFitResult result;
+    fit_pose_and_expression(landmarks, principal_point_px, prepare_identity(shape_coefficients), workspace, result,
+                            start, covariances_px);
+    return result;
 }
 
 LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
@@ -126,13 +175,15 @@ LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
             "none, or one for each image", std::to_string(starts.size()));
     require(covariances_px.empty() || covariances_px.size() == frames.size(), "JointFitter::fit_frames",
             "covariances_px", "none, or those of each image", std::to_string(covariances_px.size()));
-    detail::JointFit fit(base_, points_, options_, no_images_.state(), 0, kernels_);
+    detail::JointFit fit(kernels_);
+    fit.begin({base_, points_, options_, kernels_}, prior_);
     for (std::size_t f = 0; f < frames.size(); ++f) {
         fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f],
                       covariances_px.empty() ? std::span<const Eigen::Matrix2d>() : covariances_px[f]);
     }
     fit.run();
-    JointFramesResult result = fit.result();
+    JointFramesResult result;
+    fit.write(result);
     for (const JointFitResult& frame : result.frames) { // the same in all that have one
         if (frame.covariance.size() > 0 && result.shape_covariance.size() == 0) {
             result.shape_covariance =
@@ -150,8 +201,9 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
             to_string(at.fit.status));
     require(num_earlier >= 0, "JointFitter::identity_information", "num_earlier", ">= 0", std::to_string(num_earlier));
     const Eigen::Index size = num_shape_coefficients();
-    const IdentityInformation nothing{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
-    detail::JointFit fit(base_, points_, options_, nothing, num_earlier, nullptr);
+    const detail::IdentityPrior nothing({Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)}, num_earlier);
+    detail::JointFit fit(nullptr);
+    fit.begin({base_, points_, options_}, nothing);
     fit.add_image(landmarks, at.fit.camera.principal_point_px, &at.fit, covariances_px);
     return fit.identity_information(at);
 }
@@ -159,7 +211,8 @@ JointFitter::identity_information(const LandmarkSet& landmarks, const JointFitRe
 LINEAMENT_FIT_INLINE std::vector<std::string> JointFitter::unobservable_expressions(const LandmarkSet& landmarks,
                                                                                     const FitResult& at) const
 {
-    detail::JointFit fit(base_, points_, options_, no_images_.state(), 0, kernels_);
+    detail::JointFit fit(kernels_);
+    fit.begin({base_, points_, options_, kernels_}, prior_);
     fit.add_image(landmarks, at.camera.principal_point_px, &at, {});
     const Blendshapes* expressions = base_.expressions();
     if (expressions == nullptr || at.status == FitStatus::degenerate ||

@@ -71,12 +71,11 @@ LINEAMENT_FIT_INLINE std::vector<int> JointProblem::unknowns_of_image(std::size_
 
 /// J^T W J of some unknowns of one image, by their positions in [shared | own].
 LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
-                                                 JointSystem& system, Eigen::MatrixXd& gram) const
+                                                 JointSystem& system, Eigen::Ref<Eigen::MatrixXd> gram) const
 {
     const PointTerms& terms = system.terms[image];
     const Eigen::Index num_points = terms.residuals.rows();
     const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
-    gram.resize(size, size);
     if (kernels != nullptr) {
         set_gram_by_kernels(image, own_scale, unknowns, system, gram);
         return;
@@ -95,7 +94,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_s
 /// double precision.
 LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, double own_scale,
                                                             const std::vector<int>& unknowns, JointSystem& system,
-                                                            Eigen::MatrixXd& gram) const
+                                                            Eigen::Ref<Eigen::MatrixXd> gram) const
 {
     const PointTerms& terms = system.terms[image];
     const PackedPoints& points = images[image].points;
@@ -172,13 +171,16 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
     };
     const Eigen::Index shared = is_before(num_shared());
     if (images.size() == 1 && state.bias.size() == 0) {
+        system.hessian.resize(size, size);
         set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian);
     } else {
         system.hessian.setZero(size, size);
         system.image_grams.resize(images.size());
         for (std::size_t f = 0; f < images.size(); ++f) {
             Eigen::MatrixXd& gram = system.image_grams[f];
-            set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram);
+            const std::vector<int> positions = unknowns_of_image(f, system.unknowns);
+            gram.resize(static_cast<Eigen::Index>(positions.size()), static_cast<Eigen::Index>(positions.size()));
+            set_gram(f, own_scale(f, state), positions, system, gram);
             const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
             system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
             system.hessian.block(begin, 0, own, shared) = gram.bottomLeftCorner(own, shared);
@@ -186,19 +188,19 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
         }
     }
     const Eigen::Index num_alpha = is_before(num_shape());
-    if (is_prior_standard_) {
+    if (prior_->matrix.size() == 0) {
         system.hessian.diagonal().head(num_alpha).array() += 1;
     } else if (num_alpha == num_shape()) {
-        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_.matrix;
+        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_->matrix;
     } else {
         const std::vector<int> alpha(system.unknowns.begin(), system.unknowns.begin() + num_alpha);
-        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_.matrix(alpha, alpha);
+        system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_->matrix(alpha, alpha);
     }
     for (Eigen::Index i = num_alpha; i < size; ++i) {
         if (system.unknowns[i] < num_shared()) {
-            system.hessian(i, i) += std::pow(*options_.phi_sigma_per_mm, -2);
+            system.hessian(i, i) += std::pow(*options_->phi_sigma_per_mm, -2);
         } else if (!is_camera(system.unknowns[i])) {
-            system.hessian(i, i) += std::pow(options_.expression_sigma, -2);
+            system.hessian(i, i) += std::pow(options_->expression_sigma, -2);
         }
     }
     if (state.bias.size() > 0) {

@@ -21,22 +21,47 @@ namespace lineament::detail {
 struct OutlineMatch
 {
     int landmark_index = 0;
-    int vertex = 0;
-    int next_vertex = 0; ///< The point lies at `fraction` from vertex to next_vertex.
+    bool is_silhouette = false; ///< Matched to a silhouette's vertex, not to the candidates.
+    int position = 0; ///< Of that vertex, or of a candidate; the point lies at `fraction` from it to the next.
     double fraction = 0.0;
     Eigen::Vector2d normal = Eigen::Vector2d::Zero(); ///< Of the projected outline, unit; zero where it has none.
     double distance_px = 0.0;                         ///< Across the outline.
 };
 
-/// The nearest point of the projected polyline of candidates, ear to chin.
-[[nodiscard]] OutlineMatch match_polyline(const std::vector<int>& vertices, const Eigen::Matrix2Xd& projected,
-                                          const Eigen::Vector2d& landmark);
+/// Projected points from ear to chin, two or more, and what is needed of their segments.
+struct Polyline
+{
+    RoomyMatrix<Eigen::Matrix2Xd> points = {};
+    RoomyMatrix<Eigen::Matrix2Xd> along = {};          ///< From each point to the next.
+    RoomyMatrix<Eigen::VectorXd> inverse_squares = {}; ///< 1 over their squared lengths, 0 for none.
 
-/// The nearest silhouette vertex within `max_distance_px`, and the direction of the silhouette around it.
-[[nodiscard]] std::optional<OutlineMatch> match_silhouette(const std::vector<int>& vertices,
-                                                           const Eigen::Matrix2Xd& projected,
+    void set_points(const Eigen::Ref<const Eigen::Matrix2Xd>& projected);
+};
+
+/// The point of the polyline that is nearest to the landmark.
+[[nodiscard]] OutlineMatch match_polyline(const Polyline& line, const Eigen::Vector2d& landmark);
+
+/// The silhouette vertex nearest to the landmark, within `max_distance_px`, and the direction of the silhouette around
+/// it.
+[[nodiscard]] std::optional<OutlineMatch> match_silhouette(const Eigen::Matrix2Xd& projected,
                                                            const Eigen::Vector2d& landmark, double radius_px,
                                                            double max_distance_px);
+
+/// What the fits of a JointFitter have in common.
+struct JointContext
+{
+    const FaceFitter& base;
+    const JointPoints& points;
+    const JointOptions& options;
+    const kernels::Kernels* kernels = nullptr;
+    /// All coefficients, where the points are those of one person and none of them is unknown.
+    const Eigen::VectorXd* known_identity = nullptr;
+
+    [[nodiscard]] const Eigen::VectorXd& identity(const Eigen::VectorXd& alpha) const
+    {
+        return known_identity != nullptr ? *known_identity : alpha;
+    }
+};
 
 /// What turns the options' noise into that of one image.
 struct NoiseSharing
@@ -49,50 +74,70 @@ struct NoiseSharing
 
 /// The variances [mm^2], along the axes of model space, of the bias of a landmark of the map: the options', or its
 /// share in the noise the map states.
-[[nodiscard]] Eigen::Vector3d bias_variances_mm(const FaceFitter& base, const JointOptions& options, int map_index);
+/// @param stated  FaceFitter::landmark_noise_mm.
+[[nodiscard]] Eigen::Vector3d bias_variances_mm(const JointOptions& options, const Eigen::VectorXf* stated,
+                                                int map_index);
 
 /// Ties the landmarks of one image to model points, round by round, and gives them their weights.
 class JointImageMatcher
 {
 public:
-    JointImageMatcher(const FaceFitter& base, const JointPoints& points, const JointOptions& options,
-                      const kernels::Kernels* kernels, const LandmarkSet& landmarks,
-                      std::span<const Eigen::Matrix2d> covariances_px);
+    /// Another image in the same memory. What the arguments refer to must stay.
+    /// @throws InvalidArgument on landmarks or covariances that cannot be used.
+    void begin(const JointContext& context, const LandmarkSet& landmarks,
+               std::span<const Eigen::Matrix2d> covariances_px);
 
     [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
 
     /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
-    [[nodiscard]] JointImage fixed_image() const;
+    void set_fixed_points(JointImage& image) const;
 
-    /// Gives the points of fixed_image() their weights and has those of the outline follow, for a camera and shape;
+    /// Gives the points of set_fixed_points their weights and has those of the outline follow, for a camera and shape;
     /// `noise` says how mm become px and what images have in common.
     void match(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
                const NoiseSharing& noise, JointImage& image);
 
     /// Of those points, for the first pose: confidence over the variance stated for the landmark, by the caller or by
-    /// the landmark map, or else the options' variance of an inner one; empty where all weigh the same.
-    [[nodiscard]] Eigen::VectorXd start_weights() const;
+    /// the landmark map, or else the options' variance of an inner one; the largest is 1.
+    void set_start_weights(Eigen::VectorXd& weights) const;
 
     /// What the last match found, or a start says.
     [[nodiscard]] ContourView view() const { return view_; }
     void set_view(ContourView view) { view_ = view; }
 
 private:
-    [[nodiscard]] std::vector<OutlineMatch> match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
-                                                          const Eigen::VectorXd& psi);
+    void match_outline(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi);
+    void match_candidates(FaceSide side, const Camera& camera);
+    void match_silhouette_of(FaceSide side, const Camera& camera);
+    void trim_matches();
+    void set_point_of_match(const OutlineMatch& match, Eigen::Index to, PackedPoints& points);
     /// The noise of a landmark and, where that counts as noise, its bias: those stated for it, or the default.
     [[nodiscard]] Eigen::Matrix2d covariance_px(int landmark_index, double default_variance_mm,
                                                 const Eigen::Vector3d& bias_variances, const Camera& camera,
                                                 const NoiseSharing& noise, bool has_bias) const;
-    const FaceFitter& base_;
-    const JointPoints& points_;
-    const JointOptions& options_;
-    const kernels::Kernels* kernels_;
-    const LandmarkSet& landmarks_;
-    std::span<const Eigen::Matrix2d> covariances_px_;
+    [[nodiscard]] const FaceFitter& base() const { return context_->base; }
+    [[nodiscard]] const JointOptions& options() const { return context_->options; }
+    [[nodiscard]] const Landmark& landmark(int index) const
+    {
+        return landmarks_->landmarks[static_cast<std::size_t>(index)];
+    }
+
+    std::optional<JointContext> context_ = std::nullopt;
+    const LandmarkSet* landmarks_ = nullptr;
+    std::span<const Eigen::Matrix2d> covariances_px_ = {};
     LandmarkUse use_ = {};
     std::vector<FaceSide> outline_sides_ = {}; ///< Of use_.outline.
     ContourView view_ = ContourView::frontal;
+
+    // Of the last match:
+    std::vector<OutlineMatch> matches_ = {};
+    std::vector<int> silhouette_vertices_ = {};
+
+    // Kept for their room:
+    PackedPoints::Products products_ = {};
+    RoomyMatrix<Eigen::Matrix3Xd> candidates_ = {};
+    RoomyMatrix<Eigen::Matrix2Xd> projected_ = {};
+    Polyline line_ = {};
     Eigen::Matrix3Xf shape_vertices_ = {};
 };
 

@@ -18,34 +18,41 @@
 
 namespace lineament::detail {
 
-LINEAMENT_FIT_INLINE OutlineMatch match_polyline(const std::vector<int>& vertices, const Eigen::Matrix2Xd& projected,
-                                                 const Eigen::Vector2d& landmark)
+LINEAMENT_FIT_INLINE void Polyline::set_points(const Eigen::Ref<const Eigen::Matrix2Xd>& projected)
+{
+    points = projected;
+    along = points.rightCols(points.cols() - 1) - points.leftCols(points.cols() - 1);
+    inverse_squares.resize(along.cols());
+    for (Eigen::Index i = 0; i < along.cols(); ++i) {
+        const double square = along.col(i).squaredNorm();
+        inverse_squares[i] = square > 0 ? 1 / square : 0.0;
+    }
+}
+
+LINEAMENT_FIT_INLINE OutlineMatch match_polyline(const Polyline& line, const Eigen::Vector2d& landmark)
 {
     OutlineMatch best;
     double least = std::numeric_limits<double>::infinity();
-    for (Eigen::Index i = 0; i + 1 < projected.cols(); ++i) {
-        const Eigen::Vector2d along = projected.col(i + 1) - projected.col(i);
-        const double length = along.squaredNorm();
-        const double fraction =
-            length > 0 ? std::clamp(along.dot(landmark - projected.col(i)) / length, 0.0, 1.0) : 0.0;
-        const double distance = (projected.col(i) + fraction * along - landmark).squaredNorm();
+    for (Eigen::Index i = 0; i < line.along.cols(); ++i) {
+        const Eigen::Vector2d to_landmark = landmark - line.points.col(i), along = line.along.col(i);
+        const double fraction = std::clamp(along.dot(to_landmark) * line.inverse_squares[i], 0.0, 1.0);
+        const double distance = (fraction * along - to_landmark).squaredNorm();
         if (distance < least) {
             least = distance;
-            const Eigen::Index before = std::max<Eigen::Index>(i - 1, 0); // the direction over three segments
-            const Eigen::Index after = std::min<Eigen::Index>(i + 2, projected.cols() - 1);
-            const Eigen::Vector2d tangent = (projected.col(after) - projected.col(before)).normalized();
-            best.vertex = vertices[static_cast<std::size_t>(i)];
-            best.next_vertex = vertices[static_cast<std::size_t>(i + 1)];
+            best.position = static_cast<int>(i);
             best.fraction = fraction;
-            best.normal = {-tangent.y(), tangent.x()};
-            best.distance_px = std::abs(best.normal.dot(landmark - projected.col(i) - fraction * along));
         }
     }
+    const Eigen::Index before = std::max<Eigen::Index>(best.position - 1, 0); // the direction over three segments
+    const Eigen::Index after = std::min<Eigen::Index>(best.position + 2, line.points.cols() - 1);
+    const Eigen::Vector2d tangent = (line.points.col(after) - line.points.col(before)).normalized();
+    best.normal = {-tangent.y(), tangent.x()};
+    best.distance_px = std::abs(
+        best.normal.dot(landmark - line.points.col(best.position) - best.fraction * line.along.col(best.position)));
     return best;
 }
 
-LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const std::vector<int>& vertices,
-                                                                  const Eigen::Matrix2Xd& projected,
+LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const Eigen::Matrix2Xd& projected,
                                                                   const Eigen::Vector2d& landmark, double radius_px,
                                                                   double max_distance_px)
 {
@@ -54,7 +61,8 @@ LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const std::vec
     if (distance_px > max_distance_px) {
         return std::nullopt;
     }
-    best.vertex = best.next_vertex = vertices[static_cast<std::size_t>(nearest)];
+    best.is_silhouette = true;
+    best.position = nearest;
     best.distance_px = distance_px;
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();
     Eigen::Matrix2d moments = Eigen::Matrix2d::Zero();
@@ -79,12 +87,11 @@ LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const std::vec
     return best;
 }
 
-LINEAMENT_FIT_INLINE Eigen::Vector3d bias_variances_mm(const FaceFitter& base, const JointOptions& options,
+LINEAMENT_FIT_INLINE Eigen::Vector3d bias_variances_mm(const JointOptions& options, const Eigen::VectorXf* stated,
                                                        int map_index)
 {
     const double bias = options.bias_sigma_mm * options.bias_sigma_mm;
     const double noise = options.landmark_sigma_mm * options.landmark_sigma_mm;
-    const Eigen::VectorXf* stated = base.landmark_noise_mm();
     if (stated == nullptr || !std::isfinite((*stated)[map_index])) {
         return Eigen::Vector3d::Constant(bias);
     }
@@ -100,26 +107,24 @@ LINEAMENT_FIT_INLINE void require_covariance(const Eigen::Matrix2d& covariance, 
             place.c_str(), "a symmetric positive definite matrix", "another");
 }
 
-LINEAMENT_FIT_INLINE JointImageMatcher::JointImageMatcher(const FaceFitter& base, const JointPoints& points,
-                                                          const JointOptions& options, const kernels::Kernels* kernels,
-                                                          const LandmarkSet& landmarks,
-                                                          std::span<const Eigen::Matrix2d> covariances_px)
-    : base_(base), points_(points), options_(options), kernels_(kernels), landmarks_(landmarks),
-      covariances_px_(covariances_px)
+LINEAMENT_FIT_INLINE void JointImageMatcher::begin(const JointContext& context, const LandmarkSet& landmarks,
+                                                   std::span<const Eigen::Matrix2d> covariances_px)
 {
     const char* const function = "JointFitter::fit";
-    use_ = use_of_landmarks(base, landmarks, function);
+    context_.emplace(context);
+    landmarks_ = &landmarks;
+    covariances_px_ = covariances_px;
+    view_ = ContourView::frontal;
+    set_use_of_landmarks(base(), landmarks, function, use_);
     require(covariances_px.empty() || covariances_px.size() == landmarks.landmarks.size(), function, "covariances_px",
             "none, or one for each landmark", std::to_string(covariances_px.size()));
     for (std::size_t l = 0; l < covariances_px.size(); ++l) {
         require_covariance(covariances_px[l], function,
                            "landmark \"" + landmarks.landmarks[l].name + "\".covariance_px");
     }
+    outline_sides_.clear();
     for (const int l : use_.outline) {
-        outline_sides_.push_back(*outline_side(landmarks.scheme, landmarks.landmarks[l].name));
-    }
-    if (!use_.outline.empty()) {
-        shape_vertices_.resize(3, base.model().num_vertices());
+        outline_sides_.push_back(*outline_side(landmarks.scheme, landmark(l).name));
     }
 }
 
@@ -131,10 +136,10 @@ LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landma
     const double mm_sq = noise.scale_px_per_mm * noise.scale_px_per_mm; // [px^2/mm^2]
     const Eigen::Matrix2d unit = Eigen::Matrix2d::Identity();
     Eigen::Matrix2d own = mm_sq * default_variance_mm * unit;
-    const auto named = options_.covariances_mm.find(landmarks_.landmarks[landmark_index].name);
+    const auto named = options().covariances_mm.find(landmark(landmark_index).name);
     if (!covariances_px_.empty()) {
         own = covariances_px_[landmark_index];
-    } else if (named != options_.covariances_mm.end()) {
+    } else if (named != options().covariances_mm.end()) {
         own = mm_sq * named->second;
     }
     if (has_bias) {
@@ -153,98 +158,134 @@ LINEAMENT_FIT_INLINE Eigen::Matrix2d JointImageMatcher::covariance_px(int landma
     return (own + (noise.num_before + 1) * common) * own.inverse() * (own + noise.num_before * common);
 }
 
-LINEAMENT_FIT_INLINE JointImage JointImageMatcher::fixed_image() const
+LINEAMENT_FIT_INLINE void JointImageMatcher::set_fixed_points(JointImage& image) const
 {
-    JointImage image;
     const Eigen::Index room = static_cast<Eigen::Index>(use_.fixed.size() + use_.outline.size());
     image.image_points.resize(2, room);
-    std::vector<int> map_indices;
+    image.used.clear();
+    image.map_indices.clear();
     for (const int l : use_.fixed) {
-        image.image_points.col(static_cast<Eigen::Index>(map_indices.size())) = landmarks_.landmarks[l].point_px;
-        map_indices.push_back(use_.map_indices[l]);
+        image.image_points.col(static_cast<Eigen::Index>(image.used.size())) = landmark(l).point_px;
+        image.map_indices.push_back(use_.map_indices[l]);
         image.used.push_back({l, -1, 2});
     }
-    image.points = PackedPoints(points_.landmarks, map_indices, room);
+    image.points.assign(context_->points.landmarks, image.map_indices, room);
     image.roots = Eigen::RowVector3d(1, 0, 1).replicate(image.points.num_points, 1);
-    return image;
+    image.matched_scale = 1.0;
+    image.scale_strength = 0.0;
 }
 
-LINEAMENT_FIT_INLINE Eigen::VectorXd JointImageMatcher::start_weights() const
+LINEAMENT_FIT_INLINE void JointImageMatcher::set_start_weights(Eigen::VectorXd& weights) const
 {
-    const Eigen::VectorXf* stated = base_.landmark_noise_mm();
-    Eigen::VectorXd weights(static_cast<Eigen::Index>(use_.fixed.size()));
+    const Eigen::VectorXf* stated = base().landmark_noise_mm();
+    weights.resize(static_cast<Eigen::Index>(use_.fixed.size()));
     for (std::size_t i = 0; i < use_.fixed.size(); ++i) {
         const int l = use_.fixed[i];
-        const Landmark& landmark = landmarks_.landmarks[l];
-        const auto named = options_.covariances_mm.find(landmark.name);
-        double variance = std::pow(options_.landmark_sigma_mm, 2) + std::pow(options_.bias_sigma_mm, 2);
+        const auto named = options().covariances_mm.find(landmark(l).name);
+        double variance = std::pow(options().landmark_sigma_mm, 2) + std::pow(options().bias_sigma_mm, 2);
         if (!covariances_px_.empty()) {
             variance = covariances_px_[l].trace() / 2;
-        } else if (named != options_.covariances_mm.end()) {
+        } else if (named != options().covariances_mm.end()) {
             variance = named->second.trace() / 2;
         } else if (stated != nullptr) {
             variance = std::pow((*stated)[use_.map_indices[l]], 2);
         }
-        weights[static_cast<Eigen::Index>(i)] = landmark.confidence / variance;
+        weights[static_cast<Eigen::Index>(i)] = landmark(l).confidence / variance;
     }
-    if (weights.size() == 0 || weights.minCoeff() == weights.maxCoeff()) {
-        return {};
+    if (weights.size() > 0) {
+        weights /= weights.maxCoeff();
     }
-    return weights / weights.maxCoeff();
 }
 
-LINEAMENT_FIT_INLINE std::vector<OutlineMatch>
-JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi)
+LINEAMENT_FIT_INLINE void JointImageMatcher::match_outline(const Camera& camera, const Eigen::VectorXd& alpha,
+                                                           const Eigen::VectorXd& psi)
 {
-    std::vector<OutlineMatch> matches;
-    const ContourOptions& options = options_.contour_matching;
-    const bool is_both = options_.contour == ContourMode::both && options.occluding_match != OccludingMatch::none;
-    view_ = contour_view(angles_from_rotation(camera.camera_from_model).yaw, view_, options);
+    matches_.clear();
+    const ContourOptions& contour = options().contour_matching;
+    const bool is_both = options().contour == ContourMode::both && contour.occluding_match != OccludingMatch::none;
+    view_ = contour_view(angles_from_rotation(camera.camera_from_model).yaw, view_, contour);
     if (is_both && view_ != ContourView::frontal) {
-        base_.update_shape(alpha, psi, view_, shape_vertices_);
+        shape_vertices_.resize(3, base().model().num_vertices());
+        base().update_shape(context_->identity(alpha), psi, view_, shape_vertices_);
     }
-    const Eigen::Matrix3Xd candidate_points = points_.candidates.at(kernels_, alpha, psi);
-    const Eigen::Matrix2Xd candidates = camera.project(Eigen::Ref<const Eigen::Matrix3Xd>(candidate_points));
-    const Eigen::Index num_left = static_cast<Eigen::Index>(base_.contour()->candidates(FaceSide::left).size());
+    context_->points.candidates.evaluate(context_->kernels, alpha, psi, products_, candidates_);
     for (const FaceSide side : {FaceSide::right, FaceSide::left}) {
-        const bool is_occluding =
-            view_ == (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left);
-        if (is_occluding && !is_both) {
-            continue;
+        if (view_ != (side == FaceSide::left ? ContourView::shows_right : ContourView::shows_left)) {
+            match_candidates(side, camera);
+        } else if (is_both) {
+            match_silhouette_of(side, camera);
         }
-        const std::vector<int> vertices =
-            is_occluding
-                ? base_.contour()->silhouette_vertices(shape_vertices_, camera, side, options.occlusion_depth_mm)
-                : base_.contour()->candidates(side);
-        if (vertices.size() < 2) {
-            continue;
+    }
+    trim_matches();
+}
+
+LINEAMENT_FIT_INLINE void JointImageMatcher::match_candidates(FaceSide side, const Camera& camera)
+{
+    const Eigen::Index count = static_cast<Eigen::Index>(base().contour()->candidates(side).size());
+    const Eigen::Index first = side == FaceSide::left ? 0 : candidates_.cols() - count;
+    if (count < 2) {
+        return;
+    }
+    projected_.resize(2, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        projected_.col(i) = camera.project(Eigen::Vector3d(candidates_.col(first + i)));
+    }
+    line_.set_points(projected_);
+    for (std::size_t o = 0; o < use_.outline.size(); ++o) {
+        if (outline_sides_[o] == side) {
+            OutlineMatch& match = matches_.emplace_back(match_polyline(line_, landmark(use_.outline[o]).point_px));
+            match.landmark_index = use_.outline[o];
+            match.position += static_cast<int>(first);
         }
-        const Eigen::Index count = static_cast<Eigen::Index>(vertices.size());
-        const Eigen::Matrix2Xd projected =
-            is_occluding ? project_vertices(shape_vertices_, vertices, camera)
-                         : Eigen::Matrix2Xd(candidates.middleCols(side == FaceSide::left ? 0 : num_left, count));
-        for (std::size_t o = 0; o < use_.outline.size(); ++o) {
-            if (outline_sides_[o] != side) {
-                continue;
-            }
-            const int l = use_.outline[o];
-            const Landmark& landmark = landmarks_.landmarks[l];
-            const double scale = camera.scale_px_per_mm;
-            const std::optional<OutlineMatch> match =
-                is_occluding ? match_silhouette(vertices, projected, landmark.point_px, 15 * scale,
-                                                options.max_distance_mm * scale)
-                             : match_polyline(vertices, projected, landmark.point_px);
-            if (match) {
-                matches.push_back(*match);
-                matches.back().landmark_index = l;
+    }
+}
+
+LINEAMENT_FIT_INLINE void JointImageMatcher::match_silhouette_of(FaceSide side, const Camera& camera)
+{
+    const ContourOptions& contour = options().contour_matching;
+    silhouette_vertices_ =
+        base().contour()->silhouette_vertices(shape_vertices_, camera, side, contour.occlusion_depth_mm);
+    if (silhouette_vertices_.size() < 2) {
+        return;
+    }
+    const Eigen::Matrix2Xd projected = project_vertices(shape_vertices_, silhouette_vertices_, camera);
+    const double scale = camera.scale_px_per_mm;
+    for (std::size_t o = 0; o < use_.outline.size(); ++o) {
+        const int l = use_.outline[o];
+        if (outline_sides_[o] == side) {
+            if (const std::optional<OutlineMatch> match =
+                    match_silhouette(projected, landmark(l).point_px, 15 * scale, contour.max_distance_mm * scale)) {
+                matches_.push_back(*match);
+                matches_.back().landmark_index = l;
             }
         }
     }
-    const auto num_trimmed = std::lround(options_.contour_trim * static_cast<double>(matches.size()));
-    std::stable_sort(matches.begin(), matches.end(),
-                     [](const OutlineMatch& a, const OutlineMatch& b) { return a.distance_px < b.distance_px; });
-    matches.resize(matches.size() - static_cast<std::size_t>(num_trimmed));
-    return matches;
+}
+
+/// The farthest are left out.
+LINEAMENT_FIT_INLINE void JointImageMatcher::trim_matches()
+{
+    const auto is_nearer = [](const OutlineMatch& a, const OutlineMatch& b) { return a.distance_px < b.distance_px; };
+    for (auto left = std::lround(options().contour_trim * static_cast<double>(matches_.size())); left > 0; --left) {
+        matches_.erase(std::max_element(matches_.begin(), matches_.end(), is_nearer));
+    }
+}
+
+LINEAMENT_FIT_INLINE void JointImageMatcher::set_point_of_match(const OutlineMatch& match, Eigen::Index to,
+                                                                PackedPoints& points)
+{
+    if (!match.is_silhouette) {
+        points.set_between(to, context_->points.candidates, match.position, match.position + 1, match.fraction);
+        return;
+    }
+    const int vertex = silhouette_vertices_[static_cast<std::size_t>(match.position)];
+    if (context_->known_identity == nullptr) {
+        base().get_vertex(vertex, points.mean.col(to), points.identity.of_point(to), points.expression.of_point(to));
+        return;
+    }
+    Eigen::MatrixX3f identity(context_->known_identity->size(), 3);
+    base().get_vertex(vertex, points.mean.col(to), identity, points.expression.of_point(to));
+    points.mean.col(to) += identity.cast<double>().transpose() * *context_->known_identity;
 }
 
 /// U00, U01, U11 of the upper triangular U with weight C^-1 = U^T U.
@@ -258,41 +299,42 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
                                                    const Eigen::VectorXd& psi, const NoiseSharing& noise,
                                                    JointImage& image)
 {
-    const std::vector<OutlineMatch> matches =
-        use_.outline.empty() ? std::vector<OutlineMatch>() : match_outline(camera, alpha, psi);
+    matches_.clear();
+    if (!use_.outline.empty()) {
+        match_outline(camera, alpha, psi);
+    }
     const Eigen::Index num_fixed = static_cast<Eigen::Index>(use_.fixed.size());
-    image.points.num_points = num_fixed + static_cast<Eigen::Index>(matches.size());
+    image.points.num_points = num_fixed + static_cast<Eigen::Index>(matches_.size());
     image.used.clear();
     image.roots.resize(image.points.num_points, 3);
     image.matched_scale = noise.scale_px_per_mm;
     const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::Matrix2d& covariance) {
         image.roots.row(static_cast<Eigen::Index>(image.used.size())) =
-            root_of_inverse(landmarks_.landmarks[l].confidence, covariance);
+            root_of_inverse(landmark(l).confidence, covariance);
         image.used.push_back({l, bias_index, num_dimensions});
     };
-    const Eigen::VectorXf* stated = base_.landmark_noise_mm();
+    const Eigen::VectorXf* stated = base().landmark_noise_mm();
     for (const int l : use_.fixed) {
         const int map_index = use_.map_indices[l];
         const bool is_outline = // others are matched
-            options_.contour == ContourMode::fixed && is_outline_landmark(base_, landmarks_.landmarks[l]);
-        const double sigma_mm = is_outline ? options_.contour_sigma_mm : options_.landmark_sigma_mm;
-        const Eigen::Vector3d bias_variances = bias_variances_mm(base_, options_, map_index);
+            options().contour == ContourMode::fixed && is_outline_landmark(base(), landmark(l));
+        const double sigma_mm = is_outline ? options().contour_sigma_mm : options().landmark_sigma_mm;
+        const Eigen::Vector3d bias_variances = bias_variances_mm(options(), stated, map_index);
         const double variance =
             stated != nullptr ? std::pow((*stated)[map_index], 2) - bias_variances.x() : sigma_mm * sigma_mm;
         add(l, noise.has_bias ? map_index : -1, 2,
             covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
     }
-    for (std::size_t m = 0; m < matches.size(); ++m) {
-        const OutlineMatch& match = matches[m];
+    for (std::size_t m = 0; m < matches_.size(); ++m) {
+        const OutlineMatch& match = matches_[m];
         const Eigen::Index i = num_fixed + static_cast<Eigen::Index>(m);
-        base_.point_between(match.vertex, match.next_vertex, match.fraction, image.points.mean.col(i),
-                            image.points.identity.of_point(i), image.points.expression.of_point(i));
-        image.image_points.col(i) = landmarks_.landmarks[match.landmark_index].point_px;
+        set_point_of_match(match, i, image.points);
+        image.image_points.col(i) = landmark(match.landmark_index).point_px;
         const Eigen::Vector2d tangent(-match.normal.y(), match.normal.x());
-        const double along_px = noise.scale_px_per_mm * options_.contour_along_sigma_mm;
+        const double along_px = noise.scale_px_per_mm * options().contour_along_sigma_mm;
         add(match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
-            covariance_px(match.landmark_index, options_.contour_sigma_mm * options_.contour_sigma_mm,
-                          Eigen::Vector3d::Constant(options_.bias_sigma_mm * options_.bias_sigma_mm), camera, noise,
+            covariance_px(match.landmark_index, options().contour_sigma_mm * options().contour_sigma_mm,
+                          Eigen::Vector3d::Constant(options().bias_sigma_mm * options().bias_sigma_mm), camera, noise,
                           false) +
                 along_px * along_px * tangent * tangent.transpose());
     }

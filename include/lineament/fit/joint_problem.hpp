@@ -29,11 +29,12 @@ struct JointPoint
 struct JointImage
 {
     std::vector<JointPoint> used = {}; ///< One per point below.
+    std::vector<int> map_indices = {}; ///< Positions in the landmark map of those tied to it, which come first.
     PackedPoints points = {};
-    Eigen::Matrix2Xd image_points = {}; ///< 2 x N, and perhaps room for more.
-    Eigen::MatrixX3d roots = {};        ///< N x 3, U00, U01, U11 of the upper triangular U with W = U^T U [1/px].
-    double matched_scale = 1.0;         ///< s_0 [px/mm].
-    double scale_strength = 0.0;        ///< n_f.
+    Eigen::Matrix2Xd image_points = {};       ///< 2 x N, and perhaps room for more.
+    RoomyMatrix<Eigen::MatrixX3d> roots = {}; ///< N x 3, U00, U01, U11 of the upper triangular U with W = U^T U [1/px].
+    double matched_scale = 1.0;               ///< s_0 [px/mm].
+    double scale_strength = 0.0;              ///< n_f.
 };
 
 /// The unknowns.
@@ -49,9 +50,9 @@ struct JointState
 /// The model points of an image at a state, and how far from their landmarks they are seen.
 struct PlacedPoints
 {
-    Eigen::Matrix3Xd offsets = {};   ///< What expression and bias add [mm].
-    Eigen::Matrix3Xd points = {};    ///< With them [mm].
-    Eigen::MatrixX2d residuals = {}; ///< N x 2, U (seen - landmark).
+    RoomyMatrix<Eigen::Matrix3Xd> offsets = {};   ///< What expression and bias add [mm].
+    RoomyMatrix<Eigen::Matrix3Xd> points = {};    ///< With them [mm].
+    RoomyMatrix<Eigen::MatrixX2d> residuals = {}; ///< N x 2, U (seen - landmark).
 
     [[nodiscard]] double squared_residual(Eigen::Index i) const { return residuals.row(i).squaredNorm(); }
 
@@ -62,10 +63,10 @@ struct PlacedPoints
 struct PointTerms
 {
     /// N x 20: derivatives by the model point (2 x 3), by turn, log s, tau (2 x 6), both row by row, by the shared phi.
-    Eigen::Matrix<double, Eigen::Dynamic, 20> derivatives = {};
-    Eigen::MatrixX2d residuals = {};
+    RoomyMatrix<Eigen::Matrix<double, Eigen::Dynamic, 20>> derivatives = {};
+    RoomyMatrix<Eigen::MatrixX2d> residuals = {};
 
-    Eigen::ArrayXd root_curvatures = {}; ///< Kept for its room.
+    RoomyMatrix<Eigen::VectorXd> root_curvatures = {}; ///< Kept for its room.
 
     [[nodiscard]] Eigen::Matrix<double, 2, 3> by_point(Eigen::Index i) const
     {
@@ -86,10 +87,10 @@ struct PointTerms
 /// [alpha | phi, where unknown | for each image: psi, turn 3, log s, tau 2].
 struct JointSystem
 {
-    std::vector<int> unknowns = {}; ///< Those that the matrix is of, n of K, ascending.
-    Eigen::MatrixXd hessian = {};   ///< n x n, lower triangle.
-    Eigen::VectorXd gradient = {};  ///< K.
-    Eigen::VectorXd down = {};      ///< K, how far each unknown may go; of the state that the gradient is of.
+    std::vector<int> unknowns = {};            ///< Those that the matrix is of, n of K, ascending.
+    RoomyMatrix<Eigen::MatrixXd> hessian = {}; ///< n x n, lower triangle.
+    Eigen::VectorXd gradient = {};             ///< K.
+    Eigen::VectorXd down = {}; ///< K, how far each unknown may go; of the state that the gradient is of.
     Eigen::VectorXd up = {};
 
     // Needed for the scale term and to recover the biases:
@@ -103,6 +104,7 @@ struct JointSystem
 
     // Kept for their room:
     std::vector<PointTerms> terms = {}; ///< Of each image.
+    std::vector<int> free = {};
     AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {};
     AlignedBuffer<double> factors = {}, sums = {};
 };
@@ -111,35 +113,34 @@ struct JointSystem
 /// and falls with the scale, without end. Of 10^4 faces the last round changed none by more than a tenth.
 inline constexpr double max_scale_change = 2.0;
 
-/// mu of a prior of matrix Lambda and vector Lambda mu.
-[[nodiscard]] Eigen::VectorXd prior_mean(const IdentityInformation& prior);
-
-/// Off the diagonal what adds nothing to its sum counts as 0.
-[[nodiscard]] inline bool is_identity(const Eigen::MatrixXd& matrix)
-{
-    const Eigen::Index size = matrix.rows();
-    return (matrix.diagonal().array() == 1.0).all() && matrix.cwiseAbs().sum() == static_cast<double>(size);
-}
-
 /// Energy (7) of a round, its derivatives and its moves.
 class JointProblem
 {
 public:
-    JointProblem(const JointOptions& options, const IdentityInformation& prior, Eigen::Index num_expressions)
-        : options_(options), prior_(prior), is_prior_standard_(is_identity(prior.matrix)),
-          num_expressions_(num_expressions)
-    {}
+    JointProblem() = default;
+    JointProblem(const JointOptions& options, const IdentityPrior& prior, Eigen::Index num_expressions)
+    {
+        begin(options, prior, num_expressions);
+    }
+
+    /// Another problem in the same memory; the images are to follow.
+    void begin(const JointOptions& options, const IdentityPrior& prior, Eigen::Index num_expressions)
+    {
+        options_ = &options;
+        prior_ = &prior;
+        num_expressions_ = num_expressions;
+        reference_scale = 1.0;
+    }
 
     std::vector<JointImage> images = {};
     Eigen::Matrix3Xd bias_variances_mm = {}; ///< 3 x L, where there are biases, along x, y, z of model space [mm^2].
     double reference_scale = 1.0;            ///< phi of the shared focal length is that of an image of this scale.
     bool moves_expressions_only = false;     ///< Everything else is held.
-    bool holds_identity = false;             ///< It is known, and may lie beyond its bounds.
     /// For residuals and derivatives of points, products with the model's rows, and, in single precision, J^T W J and
     /// what biases take off it; nullptr: by Eigen in double precision. The model's rows are in single precision.
     const kernels::Kernels* kernels = nullptr;
 
-    [[nodiscard]] Eigen::Index num_shape() const { return prior_.vector.size(); }
+    [[nodiscard]] Eigen::Index num_shape() const { return prior_->vector.size(); }
     [[nodiscard]] Eigen::Index num_shared() const { return num_shape() + has_phi(); }
     [[nodiscard]] Eigen::Index num_own() const { return 6 + num_expressions_; }
     [[nodiscard]] Eigen::Index num_unknowns() const
@@ -171,7 +172,7 @@ public:
 
     /// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against. Sets
     /// the system's room.
-    [[nodiscard]] std::vector<int> free_unknowns(const JointState& state, JointSystem& system) const;
+    void find_free_unknowns(const JointState& state, JointSystem& system, std::vector<int>& free) const;
 
     /// With the matrix of those.
     void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
@@ -181,7 +182,7 @@ public:
     [[nodiscard]] bool renew_gradient(const JointState& state, const std::vector<PlacedPoints>& placed,
                                       JointSystem& system) const;
 
-    /// (a - mu)^T Lambda (a - mu); |a|^2 for the prior N(0, I).
+    /// (a - mu)^T Lambda (a - mu).
     [[nodiscard]] double prior_squares(const Eigen::VectorXd& alpha) const;
 
     /// The prior's matrix of some of alpha; empty where it is 1.
@@ -198,11 +199,10 @@ public:
               JointState& moved) const;
 
 private:
-    [[nodiscard]] bool has_phi() const { return options_.phi_sigma_per_mm.has_value(); }
+    [[nodiscard]] bool has_phi() const { return options_->phi_sigma_per_mm.has_value(); }
     [[nodiscard]] double prior_energy(const JointState& state) const;
     void place_image(std::size_t image, const JointState& state, PlacedPoints& placed) const;
     void set_residuals(std::size_t image, const JointState& state, PlacedPoints& placed) const;
-    [[nodiscard]] Eigen::VectorXd prior_gradient(const Eigen::VectorXd& alpha) const;
     [[nodiscard]] double own_scale(std::size_t image, const JointState& state) const
     {
         return images[image].matched_scale / state.cameras[image].scale_px_per_mm;
@@ -215,16 +215,15 @@ private:
     void set_hessian(const JointState& state, JointSystem& system) const;
     void eliminate_bias_hessian(JointSystem& system) const;
     void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
-                  Eigen::MatrixXd& gram) const;
+                  Eigen::Ref<Eigen::MatrixXd> gram) const;
     void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
-                             Eigen::MatrixXd& gram) const;
+                             Eigen::Ref<Eigen::MatrixXd> gram) const;
     void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerms& terms, double own_scale,
                            Eigen::MatrixX2d& rows) const;
 
-    const JointOptions& options_;
-    const IdentityInformation& prior_;
-    bool is_prior_standard_; ///< Its matrix is 1.
-    Eigen::Index num_expressions_;
+    const JointOptions* options_ = nullptr;
+    const IdentityPrior* prior_ = nullptr;
+    Eigen::Index num_expressions_ = 0;
 };
 
 } // namespace lineament::detail

@@ -19,26 +19,18 @@
 
 namespace lineament::detail {
 
-LINEAMENT_FIT_INLINE Eigen::VectorXd prior_mean(const IdentityInformation& prior)
-{
-    return prior.vector.isZero(0) ? prior.vector : Eigen::VectorXd(prior.matrix.ldlt().solve(prior.vector));
-}
-
 LINEAMENT_FIT_INLINE double JointProblem::prior_squares(const Eigen::VectorXd& alpha) const
 {
-    const Eigen::VectorXd offset = alpha - prior_mean(prior_);
-    return is_prior_standard_ ? offset.squaredNorm() : offset.dot(prior_.matrix * offset);
-}
-
-/// Lambda a - Lambda mu.
-LINEAMENT_FIT_INLINE Eigen::VectorXd JointProblem::prior_gradient(const Eigen::VectorXd& alpha) const
-{
-    return (is_prior_standard_ ? alpha : Eigen::VectorXd(prior_.matrix * alpha)) - prior_.vector;
+    if (prior_->matrix.size() == 0) {
+        return (alpha - prior_->mean).squaredNorm();
+    }
+    const Eigen::VectorXd offset = alpha - prior_->mean;
+    return offset.dot(prior_->matrix * offset);
 }
 
 LINEAMENT_FIT_INLINE Eigen::MatrixXd JointProblem::prior_of(const std::vector<int>& coefficients) const
 {
-    return is_prior_standard_ ? Eigen::MatrixXd() : Eigen::MatrixXd(prior_.matrix(coefficients, coefficients));
+    return prior_->matrix.size() == 0 ? Eigen::MatrixXd() : Eigen::MatrixXd(prior_->matrix(coefficients, coefficients));
 }
 
 /// Expression and bias count at the scale s_0: how large they are in the image must not tell how large the image of the
@@ -103,13 +95,12 @@ LINEAMENT_FIT_INLINE void JointProblem::place(const JointState& state, std::vect
 
 LINEAMENT_FIT_INLINE double JointProblem::prior_energy(const JointState& state) const
 {
-    // (a - mu)^T Lambda (a - mu) up to a constant that is zero for N(0, I)
-    double energy = state.alpha.dot(prior_gradient(state.alpha) - prior_.vector);
+    double energy = prior_squares(state.alpha);
     for (const Eigen::VectorXd& psi : state.psi) {
-        energy += (psi / options_.expression_sigma).squaredNorm();
+        energy += (psi / options_->expression_sigma).squaredNorm();
     }
     if (has_phi()) {
-        energy += std::pow(state.phi_per_mm / *options_.phi_sigma_per_mm, 2);
+        energy += std::pow(state.phi_per_mm / *options_->phi_sigma_per_mm, 2);
     }
     if (state.bias.size() > 0) {
         energy += state.bias.cwiseAbs2().cwiseQuotient(bias_variances_mm).sum();
@@ -125,7 +116,7 @@ LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state, const 
         if (camera.phi_per_mm > 0 && !is_in_front(camera, placed[f].points)) {
             return std::numeric_limits<double>::infinity();
         }
-        RobustSum losses(options_.loss);
+        RobustSum losses(options_->loss);
         for (std::size_t i = 0; i < images[f].used.size(); ++i) {
             losses.add(placed[f].squared_residual(static_cast<Eigen::Index>(i)), images[f].used[i].num_dimensions);
         }
@@ -137,8 +128,7 @@ LINEAMENT_FIT_INLINE double JointProblem::energy(const JointState& state, const 
 LINEAMENT_FIT_INLINE double JointProblem::chi_square(const JointState& state,
                                                      const std::vector<PlacedPoints>& placed) const
 {
-    double sum =
-        prior_energy(state) - state.alpha.dot(prior_gradient(state.alpha) - prior_.vector) + prior_squares(state.alpha);
+    double sum = prior_energy(state);
     for (const PlacedPoints& of_image : placed) {
         sum += of_image.residuals.squaredNorm();
     }
@@ -151,19 +141,19 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
     const JointImage& seen = images[image];
     const Camera& camera = state.cameras[image];
     const Eigen::Index count = placed.points.cols();
-    Eigen::ArrayXd& root_curvatures = terms.root_curvatures;
+    RoomyMatrix<Eigen::VectorXd>& root_curvatures = terms.root_curvatures;
     root_curvatures.resize(count);
     terms.residuals.resize(count, 2);
     for (Eigen::Index i = 0; i < count; ++i) {
         const double squared = placed.squared_residual(i);
         const int num_dimensions = seen.used[static_cast<std::size_t>(i)].num_dimensions;
-        const double curvature = robust_curvature(options_.loss, squared, num_dimensions);
+        const double curvature = robust_curvature(options_->loss, squared, num_dimensions);
         root_curvatures[i] = curvature;
-        terms.residuals.row(i) = robust_weight(options_.loss, squared, num_dimensions) * placed.residuals.row(i);
+        terms.residuals.row(i) = robust_weight(options_->loss, squared, num_dimensions) * placed.residuals.row(i);
     }
-    root_curvatures = root_curvatures.sqrt();
-    terms.residuals.array().colwise() /= root_curvatures;
-    terms.derivatives.resize(count, Eigen::NoChange);
+    root_curvatures = root_curvatures.cwiseSqrt();
+    terms.residuals.array().colwise() /= root_curvatures.array();
+    terms.derivatives.resize(count, 20);
     if (kernels != nullptr) {
         kernels->camera_derivatives(for_kernels(camera), placed.points.data(), placed.offsets.data(), seen.roots.data(),
                                     root_curvatures.data(), static_cast<int>(count), terms.derivatives.data());
@@ -239,11 +229,15 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, co
         add_gradient(f, state, system);
         system.gradient[camera_begin(f) + 3] += images[f].scale_strength;
         system.gradient.segment(own_begin(f), num_expressions_) +=
-            std::pow(options_.expression_sigma, -2) * state.psi[f];
+            std::pow(options_->expression_sigma, -2) * state.psi[f];
     }
-    system.gradient.head(num_shape()) += prior_gradient(state.alpha);
+    if (prior_->matrix.size() == 0) {
+        system.gradient.head(num_shape()) += state.alpha - prior_->vector;
+    } else {
+        system.gradient.head(num_shape()) += prior_->matrix * state.alpha - prior_->vector;
+    }
     if (has_phi()) {
-        system.gradient[num_shape()] += std::pow(*options_.phi_sigma_per_mm, -2) * state.phi_per_mm;
+        system.gradient[num_shape()] += std::pow(*options_->phi_sigma_per_mm, -2) * state.phi_per_mm;
     }
     if (state.bias.cols() > 0) {
         system.bias_gradient += state.bias.cwiseQuotient(bias_variances_mm);
@@ -275,12 +269,12 @@ LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_gradient(JointSystem& sys
     }
 }
 
-LINEAMENT_FIT_INLINE std::vector<int> JointProblem::free_unknowns(const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::find_free_unknowns(const JointState& state, JointSystem& system,
+                                                           std::vector<int>& free) const
 {
     room(state, system.down, system.up);
     const Eigen::VectorXd& gradient = system.gradient;
-    std::vector<int> free;
-    free.reserve(static_cast<std::size_t>(gradient.size()));
+    free.clear();
     for (Eigen::Index i = 0; i < gradient.size(); ++i) {
         const bool is_low = system.down[i] >= 0;
         const bool is_high = system.up[i] <= 0;
@@ -288,7 +282,6 @@ LINEAMENT_FIT_INLINE std::vector<int> JointProblem::free_unknowns(const JointSta
             free.push_back(static_cast<int>(i));
         }
     }
-    return free;
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::linearize(const JointState& state, const std::vector<PlacedPoints>& placed,
@@ -308,7 +301,7 @@ LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, 
     set_gradient(state, placed, system);
     set_couplings(state, system);
     eliminate_bias_gradient(system);
-    system.unknowns = free_unknowns(state, system);
+    find_free_unknowns(state, system, system.unknowns);
     set_hessian(state, system);
 }
 
@@ -317,8 +310,8 @@ LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, 
 {
     set_gradient(state, placed, system);
     eliminate_bias_gradient(system);
-    const std::vector<int> free = free_unknowns(state, system);
-    return std::includes(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end());
+    find_free_unknowns(state, system, system.free);
+    return std::includes(system.unknowns.begin(), system.unknowns.end(), system.free.begin(), system.free.end());
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const
@@ -326,19 +319,14 @@ LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::Vec
     const double infinity = std::numeric_limits<double>::infinity();
     down = Eigen::VectorXd::Constant(num_unknowns(), -infinity);
     up = Eigen::VectorXd::Constant(num_unknowns(), infinity);
-    if (holds_identity) {
-        down.head(num_shape()).setZero();
-        up.head(num_shape()).setZero();
-    } else {
-        down.head(num_shape()).array() = -options_.max_coefficient - state.alpha.array();
-        up.head(num_shape()).array() = options_.max_coefficient - state.alpha.array();
-    }
+    down.head(num_shape()).array() = -options_->max_coefficient - state.alpha.array();
+    up.head(num_shape()).array() = options_->max_coefficient - state.alpha.array();
     if (has_phi()) {
         down[num_shape()] = -state.phi_per_mm;
     }
     for (std::size_t f = 0; f < images.size(); ++f) {
         down.segment(own_begin(f), num_expressions_) = -state.psi[f];
-        up.segment(own_begin(f), num_expressions_).array() = options_.max_expression - state.psi[f].array();
+        up.segment(own_begin(f), num_expressions_).array() = options_->max_expression - state.psi[f].array();
         const double log_scale = std::log(state.cameras[f].scale_px_per_mm / images[f].matched_scale);
         down[camera_begin(f) + 3] = -std::log(max_scale_change) - log_scale;
         up[camera_begin(f) + 3] = std::log(max_scale_change) - log_scale;
@@ -357,24 +345,22 @@ LINEAMENT_FIT_INLINE void JointProblem::move(const JointState& state, const Join
                                              const Eigen::VectorXd& step, double damping, JointState& next) const
 {
     next = state;
-    if (!holds_identity) {
-        const double bound = options_.max_coefficient;
-        next.alpha = (state.alpha + step.head(num_shape())).cwiseMax(-bound).cwiseMin(bound);
-    }
+    const double bound = options_->max_coefficient;
+    next.alpha = (state.alpha + step.head(num_shape())).cwiseMax(-bound).cwiseMin(bound);
     if (has_phi()) {
         next.phi_per_mm = std::max(0.0, state.phi_per_mm + step[num_shape()]);
     }
     for (std::size_t f = 0; f < images.size(); ++f) {
         const Camera& camera = state.cameras[f];
-        const double focal_length_px = options_.focal_length_px.value_or(1.0);
+        const double focal_length_px = options_->focal_length_px.value_or(1.0);
         next.cameras[f] = apply_step(camera, step.segment<6>(camera_begin(f)), focal_length_px);
-        if (!options_.focal_length_px) {
+        if (!options_->focal_length_px) {
             next.cameras[f].phi_per_mm =
                 has_phi() ? next.phi_per_mm * next.cameras[f].scale_px_per_mm / reference_scale : 0.0;
         }
         next.psi[f] = (state.psi[f] + step.segment(own_begin(f), num_expressions_))
                           .cwiseMax(0.0)
-                          .cwiseMin(options_.max_expression);
+                          .cwiseMin(options_->max_expression);
     }
     for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
         const Eigen::Vector3d pull =

@@ -14,15 +14,31 @@
 namespace lineament::detail {
 
 /// The block of those rows and columns, ascending, of a lower triangle.
-[[nodiscard]] Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices);
+[[nodiscard]] Eigen::MatrixXd block_of(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                                       const std::vector<int>& indices);
+
+/// Room for a step.
+struct StepRoom
+{
+    RoomyMatrix<Eigen::VectorXd> free = {};   ///< The solution without bounds.
+    RoomyMatrix<Eigen::VectorXd> solved = {}; ///< With those found to hold.
+    std::vector<Eigen::Index> held = {};      ///< K, positions among the unknowns.
+    std::vector<unsigned char> is_held = {};
+    std::vector<double> bounds = {};
+    RoomyMatrix<Eigen::MatrixXd> columns = {}; ///< C.
+    RoomyMatrix<Eigen::MatrixXd> of_held = {}; ///< C_KK.
+    RoomyMatrix<Eigen::VectorXd> pulls = {};   ///< C_KK^-1 (x_K - bounds).
+
+    Eigen::VectorXd change = {}, gradient = {}; ///< Of informed_step.
+};
 
 /// The damped Gauss-Newton step within the system's room: what would leave it is held at its bound and the rest solved
 /// again. With H x = b and C the columns of H^-1 that belong to the held ones K, the rest's solution is
 /// x - C C_KK^-1 (x_K - bounds). Not a number where the matrix is not positive definite.
 /// @param gradient  In place of the system's.
 /// @param factor    Of the system's matrix with this damping.
-[[nodiscard]] Eigen::VectorXd bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient,
-                                           PositiveFactor& factor);
+void bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient, PositiveFactor& factor, StepRoom& room,
+                  Eigen::VectorXd& step);
 
 struct StepTaken
 {
@@ -32,7 +48,8 @@ struct StepTaken
 
 /// The same with a kept matrix, which the gradient's change over the last step has set right along that (BFGS with one
 /// pair; Nocedal, Updating quasi-Newton matrices with limited storage, 1980), unless that leaves the bounds.
-[[nodiscard]] Eigen::VectorXd informed_step(const JointSystem& system, const StepTaken& last, PositiveFactor& factor);
+void informed_step(const JointSystem& system, const StepTaken& last, PositiveFactor& factor, StepRoom& room,
+                   Eigen::VectorXd& step);
 
 /// Sets n_f of every image, half the derivative of log det Lambda by its log s: its share in the effective number of
 /// shape coefficients that the landmarks determine.                                      docs/joint-fit.md, Eq. (14)
@@ -56,6 +73,9 @@ struct JointScratch
     PositiveFactor factor;
     std::vector<PlacedPoints> placed = {}, next_placed = {};
     JointState next = {};
+    StepRoom step_room = {};
+    Eigen::VectorXd step = {};
+    StepTaken last = {};
     bool keeps_matrix = false; ///< The next step may take the system's matrix and its factor over.
 };
 

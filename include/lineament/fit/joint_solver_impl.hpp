@@ -17,7 +17,8 @@
 
 namespace lineament::detail {
 
-LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, const std::vector<int>& indices)
+LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                                              const std::vector<int>& indices)
 {
     const std::size_t size = indices.size();
     Eigen::MatrixXd block(size, size);
@@ -31,82 +32,102 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::MatrixXd& matrix, con
     return block;
 }
 
-LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient,
-                                                  PositiveFactor& factor)
+/// What of `solved` would leave its room joins the held; true if any does.
+[[nodiscard]] inline bool hold_what_leaves(const JointSystem& system, StepRoom& room)
 {
-    const Eigen::VectorXd &down = system.down, &up = system.up;
-    Eigen::VectorXd step = Eigen::VectorXd::Zero(gradient.size());
-    const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
-    if (size == 0) {
-        return step;
-    }
-    Eigen::VectorXd solved(size);
-    for (Eigen::Index i = 0; i < size; ++i) { // several times as fast as an indexed view
-        solved[i] = -gradient[system.unknowns[static_cast<std::size_t>(i)]];
-    }
-    solved = factor.solve(solved);
-    bool is_inside = true;
-    for (Eigen::Index i = 0; i < size; ++i) {
-        const int unknown = system.unknowns[static_cast<std::size_t>(i)];
-        step[unknown] = solved[i];
-        is_inside = is_inside && solved[i] >= down[unknown] && solved[i] <= up[unknown];
-    }
-    if (is_inside) {
-        return step;
-    }
-    const Eigen::VectorXd free = solved; // of bounds
-    std::vector<bool> is_held(system.unknowns.size(), false);
-    std::vector<Eigen::Index> held; // K, positions among the unknowns
-    std::vector<double> bounds;
-    Eigen::MatrixXd columns(size, 0); // C
-    while (true) {
-        const Eigen::Index num_before = columns.cols();
-        for (Eigen::Index i = 0; i < size; ++i) {
-            const int unknown = system.unknowns[static_cast<std::size_t>(i)];
-            if (!is_held[static_cast<std::size_t>(i)] && !(solved[i] >= down[unknown] && solved[i] <= up[unknown])) {
-                is_held[static_cast<std::size_t>(i)] = true;
-                held.push_back(i);
-                bounds.push_back(solved[i] < down[unknown] ? down[unknown] : up[unknown]);
-            }
+    const std::size_t num_before = room.held.size();
+    for (std::size_t i = 0; i < system.unknowns.size(); ++i) {
+        const int unknown = system.unknowns[i];
+        const double down = system.down[unknown], up = system.up[unknown];
+        const double value = room.solved[static_cast<Eigen::Index>(i)];
+        if (!room.is_held[i] && !(value >= down && value <= up)) {
+            room.is_held[i] = 1;
+            room.held.push_back(static_cast<Eigen::Index>(i));
+            room.bounds.push_back(value < down ? down : up);
         }
-        const Eigen::Index num_held = static_cast<Eigen::Index>(held.size()), num_new = num_held - num_before;
-        if (num_new == 0) {
-            break;
-        }
-        Eigen::MatrixXd units = Eigen::MatrixXd::Zero(size, num_new);
-        for (Eigen::Index k = 0; k < num_new; ++k) {
-            units(held[static_cast<std::size_t>(num_before + k)], k) = 1;
-        }
-        columns.conservativeResize(Eigen::NoChange, num_held);
-        columns.rightCols(num_new) = factor.solve(units);
-        const Eigen::Map<const Eigen::VectorXd> goals(bounds.data(), num_held);
-        const Eigen::MatrixXd of_held = columns(held, Eigen::all); // C_KK
-        const Eigen::LLT<Eigen::MatrixXd> cholesky(of_held);
-        if (cholesky.info() != Eigen::Success) {
-            solved.setConstant(std::numeric_limits<double>::quiet_NaN()); // no step; more damping makes one
-            break;
-        }
-        solved = free - columns * cholesky.solve(free(held) - goals);
-        solved(held) = goals;
     }
-    step(system.unknowns) = solved;
-    return step;
+    return room.held.size() > num_before;
 }
 
-LINEAMENT_FIT_INLINE Eigen::VectorXd informed_step(const JointSystem& system, const StepTaken& last,
-                                                   PositiveFactor& factor)
+/// The columns C of those held last, then the rest's solution; false where C_KK is not positive definite.
+[[nodiscard]] inline bool solve_rest(PositiveFactor& factor, Eigen::Index num_before, StepRoom& room)
 {
-    const Eigen::VectorXd change = system.gradient - last.gradient; // y
-    const double curvature = last.step.dot(change);                 // s^T y
+    const Eigen::Index size = room.solved.size(), num_held = static_cast<Eigen::Index>(room.held.size());
+    auto added = room.columns.middleCols(num_before, num_held - num_before);
+    added.setZero();
+    for (Eigen::Index k = num_before; k < num_held; ++k) {
+        added(room.held[static_cast<std::size_t>(k)], k - num_before) = 1;
+    }
+    factor.solve(added);
+    room.of_held.resize(num_held, num_held);
+    room.pulls.resize(num_held);
+    for (Eigen::Index k = 0; k < num_held; ++k) {
+        const Eigen::Index at = room.held[static_cast<std::size_t>(k)];
+        room.of_held.row(k) = room.columns.row(at).head(num_held);
+        room.pulls[k] = room.free[at] - room.bounds[static_cast<std::size_t>(k)];
+    }
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(room.of_held);
+    if (cholesky.info() != Eigen::Success) {
+        return false;
+    }
+    cholesky.solveInPlace(room.pulls);
+    room.solved = room.free;
+    for (Eigen::Index k = 0; k < num_held; ++k) {
+        room.solved -= room.pulls[k] * room.columns.col(k).head(size);
+    }
+    for (std::size_t k = 0; k < room.held.size(); ++k) {
+        room.solved[room.held[k]] = room.bounds[k];
+    }
+    return true;
+}
+
+LINEAMENT_FIT_INLINE void bounded_step(const JointSystem& system, const Eigen::VectorXd& gradient,
+                                       PositiveFactor& factor, StepRoom& room, Eigen::VectorXd& step)
+{
+    const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
+    step.setZero(gradient.size());
+    if (size == 0) {
+        return;
+    }
+    room.solved.resize(size);
+    for (Eigen::Index i = 0; i < size; ++i) { // several times as fast as an indexed view
+        room.solved[i] = -gradient[system.unknowns[static_cast<std::size_t>(i)]];
+    }
+    factor.solve(room.solved);
+    room.held.clear();
+    room.bounds.clear();
+    room.is_held.assign(system.unknowns.size(), 0);
+    for (Eigen::Index num_before = 0; hold_what_leaves(system, room);) {
+        if (num_before == 0) {
+            room.free = room.solved;
+            room.columns.resize(size, size);
+        }
+        if (!solve_rest(factor, num_before, room)) {
+            room.solved.setConstant(std::numeric_limits<double>::quiet_NaN()); // no step; more damping makes one
+            break;
+        }
+        num_before = static_cast<Eigen::Index>(room.held.size());
+    }
+    for (Eigen::Index i = 0; i < size; ++i) {
+        step[system.unknowns[static_cast<std::size_t>(i)]] = room.solved[i];
+    }
+}
+
+LINEAMENT_FIT_INLINE void informed_step(const JointSystem& system, const StepTaken& last, PositiveFactor& factor,
+                                        StepRoom& room, Eigen::VectorXd& step)
+{
+    room.change = system.gradient - last.gradient;       // y
+    const double curvature = last.step.dot(room.change); // s^T y
     if (curvature > 0) {
         const double along = last.step.dot(system.gradient) / curvature;
-        Eigen::VectorXd step = bounded_step(system, system.gradient - along * change, factor);
-        step -= (along + change.dot(step) / curvature) * last.step;
+        room.gradient = system.gradient - along * room.change;
+        bounded_step(system, room.gradient, factor, room, step);
+        step -= (along + room.change.dot(step) / curvature) * last.step;
         if ((step.array() >= system.down.array() && step.array() <= system.up.array()).all()) {
-            return step;
+            return;
         }
     }
-    return bounded_step(system, system.gradient, factor);
+    bounded_step(system, system.gradient, factor, room, step);
 }
 
 inline void set_scale_strength(JointProblem& problem, std::size_t image, double strength, JointSystem& system)
@@ -193,8 +214,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
     double damping = 0;
     double energy = 0;
     double last_decrease = 0;
-    StepTaken last;
-    auto& [system, factor, placed, next_placed, next, keeps_matrix] = scratch;
+    auto& [system, factor, placed, next_placed, next, step_room, step, last, keeps_matrix] = scratch;
     problem.place(state, placed);
     for (int iteration = 0; iteration < limits.max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;
@@ -211,8 +231,11 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             progress.energies.push_back({round, energy});
         }
         while (true) {
-            const Eigen::VectorXd step = keeps_matrix && iteration > 0 ? informed_step(system, last, factor)
-                                                                       : bounded_step(system, system.gradient, factor);
+            if (keeps_matrix && iteration > 0) {
+                informed_step(system, last, factor, step_room, step);
+            } else {
+                bounded_step(system, system.gradient, factor, step_room, step);
+            }
             problem.move(state, system, step, damping, next);
             problem.place(next, next_placed);
             const double next_energy = problem.energy(next, next_placed);
@@ -231,7 +254,8 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
                 keeps_matrix = damping == 0 && decrease <= short_decrease &&
                                !(keeps_matrix && iteration > 0 && decrease > 0.1 * last_decrease);
                 last_decrease = decrease;
-                last = {step, system.gradient};
+                last.step = step;
+                last.gradient = system.gradient;
                 damping = damping < 1e-4 ? 0 : 0.1 * damping;
                 break;
             }

@@ -47,15 +47,18 @@ inline void require_usable(const Landmark& landmark, const char* function)
 }
 
 /// Landmarks the scheme does not know, of confidence below least_confidence or of infinite noise are not used.
+/// @param use  Its memory is used again.
 /// @throws InvalidArgument in the name of the function on another scheme, a landmark that is not finite or beyond
 ///         max_coordinate_px, or a confidence outside [0, 1].
-[[nodiscard]] inline LandmarkUse use_of_landmarks(const FaceFitter& fitter, const LandmarkSet& landmarks,
-                                                  const char* function)
+inline void set_use_of_landmarks(const FaceFitter& fitter, const LandmarkSet& landmarks, const char* function,
+                                 LandmarkUse& use)
 {
     require(landmarks.scheme == fitter.scheme(), function, "landmarks.scheme", fitter.scheme(), landmarks.scheme);
     const LandmarkMap& map = fitter.landmark_map();
     const Eigen::VectorXf* noise_mm = fitter.landmark_noise_mm();
-    LandmarkUse use;
+    use.map_indices.clear();
+    use.fixed.clear();
+    use.outline.clear();
     use.map_indices.reserve(landmarks.landmarks.size());
     use.fixed.reserve(landmarks.landmarks.size());
     for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
@@ -80,7 +83,6 @@ inline void require_usable(const Landmark& landmark, const char* function)
             use.outline.push_back(static_cast<int>(l));
         }
     }
-    return use;
 }
 
 } // namespace lineament::detail

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "lineament/fit/model_points.hpp"
-#include "lineament/kernels/aligned_buffer.hpp"
+#include "lineament/fit/roomy_matrix_impl.hpp"
 #include "lineament/kernels/kernels.hpp"
 
 #include <Eigen/Core>
@@ -13,21 +13,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <span>
+#include <vector>
 
 namespace lineament::detail {
-
-using kernels::AlignedBuffer;
-
-/// Room for `size` numbers, which are to be written before they are read; what was there is lost where it is not
-/// enough.
-template <typename T>
-T* room_for(AlignedBuffer<T>& buffer, Eigen::Index size)
-{
-    if (static_cast<Eigen::Index>(buffer.size()) < size) {
-        buffer = AlignedBuffer<T>(static_cast<std::size_t>(size), kernels::unset);
-    }
-    return buffer.data();
-}
 
 /// One matrix of rows, three a point, each filled up with zeros to a multiple of double_step. They are in single
 /// precision, as the model is; what is multiplied with them is not.
@@ -41,16 +29,26 @@ public:
           rows_(static_cast<std::size_t>(3 * num_points * width_))
     {}
 
-    /// Those of some points of `other`, and room, zeroed, for more.
-    PackedRows(const PackedRows& other, std::span<const int> points, Eigen::Index num_points)
-        : num_coefficients_(other.num_coefficients_), width_(other.width_),
-          rows_(static_cast<std::size_t>(3 * num_points * width_), kernels::unset)
+    /// Takes the rows of some points of `other`, with room, zeroed, for more.
+    void assign(const PackedRows& other, std::span<const int> points, Eigen::Index num_points)
     {
-        float* to = rows_.data();
+        num_coefficients_ = other.num_coefficients_;
+        width_ = other.width_;
+        float* to = room_for(rows_, 3 * num_points * width_);
         for (const int point : points) {
             to = std::copy_n(other.rows_.data() + 3 * point * width_, 3 * width_, to);
         }
-        std::fill(to, rows_.data() + rows_.size(), 0.0f);
+        std::fill(to, rows_.data() + 3 * num_points * width_, 0.0f);
+    }
+
+    /// Row by row (1 - fraction) times those of one point of `other` and fraction times those of another.
+    void set_between(Eigen::Index to, const PackedRows& other, Eigen::Index first, Eigen::Index next, float fraction)
+    {
+        using Rows = Eigen::Map<const Eigen::ArrayXf>;
+        const Eigen::Index size = 3 * width_;
+        Eigen::Map<Eigen::ArrayXf>(rows_.data() + to * size, size) =
+            (1 - fraction) * Rows(other.rows_.data() + first * size, size) +
+            fraction * Rows(other.rows_.data() + next * size, size);
     }
 
     [[nodiscard]] int width() const { return width_; }
@@ -79,7 +77,7 @@ public:
     /// kernels.
     /// @param padded  Kept for its room.
     void multiply(const kernels::Kernels* kernels, Eigen::Index num_points, const Eigen::VectorXd& x,
-                  AlignedBuffer<double>& padded, Eigen::Matrix3Xd& products) const
+                  AlignedBuffer<double>& padded, RoomyMatrix<Eigen::Matrix3Xd>& products) const
     {
         products.resize(3, num_points);
         if (kernels == nullptr) {
@@ -112,14 +110,39 @@ struct PackedPoints
         }
     }
 
-    /// Some points of `other`, and room for more.
-    PackedPoints(const PackedPoints& other, std::span<const int> points, Eigen::Index room)
-        : num_points(static_cast<Eigen::Index>(points.size())), mean(3, room), identity(other.identity, points, room),
-          expression(other.expression, points, room)
+    /// Takes some points of `other`, with room for more. Rows that it holds already stay.
+    void assign(const PackedPoints& other, const std::vector<int>& points, Eigen::Index room)
     {
+        num_points = static_cast<Eigen::Index>(points.size());
+        if (points != taken_ || mean.cols() != room || identity.width() != other.identity.width()) {
+            identity.assign(other.identity, points, room);
+            expression.assign(other.expression, points, room);
+            taken_ = points;
+        }
+        mean.resize(3, room);
         for (Eigen::Index i = 0; i < num_points; ++i) {
             mean.col(i) = other.mean.col(points[static_cast<std::size_t>(i)]);
         }
+    }
+
+    /// The point between two neighbours of `other`.
+    void set_between(Eigen::Index to, const PackedPoints& other, Eigen::Index first, Eigen::Index next, double fraction)
+    {
+        mean.col(to) = (1 - fraction) * other.mean.col(first) + fraction * other.mean.col(next);
+        identity.set_between(to, other.identity, first, next, static_cast<float>(fraction));
+        expression.set_between(to, other.expression, first, next, static_cast<float>(fraction));
+    }
+
+    /// The points of one person: the identity's columns are in the mean.
+    [[nodiscard]] PackedPoints of_person(const Eigen::VectorXd& alpha) const
+    {
+        PackedPoints points = *this;
+        AlignedBuffer<double> padded;
+        RoomyMatrix<Eigen::Matrix3Xd> products;
+        identity.multiply(nullptr, num_points, alpha, padded, products);
+        points.mean.leftCols(num_points) += products;
+        points.identity = PackedRows(num_points, 0);
+        return points;
     }
 
     Eigen::Index num_points = 0; ///< The leading ones.
@@ -127,17 +150,24 @@ struct PackedPoints
     PackedRows identity = {};
     PackedRows expression = {};
 
-    /// S_i for every point (3 x N).
-    [[nodiscard]] Eigen::Matrix3Xd at(const kernels::Kernels* kernels, const Eigen::VectorXd& alpha,
-                                      const Eigen::VectorXd& psi) const
+    /// Room for the products of a point set.
+    struct Products
     {
-        AlignedBuffer<double> padded;
-        Eigen::Matrix3Xd points, products;
-        identity.multiply(kernels, num_points, alpha, padded, points);
-        expression.multiply(kernels, num_points, psi, padded, products);
-        points += mean.leftCols(num_points) + products;
-        return points;
+        AlignedBuffer<double> padded = {};
+        RoomyMatrix<Eigen::Matrix3Xd> by_expression = {};
+    };
+
+    /// S_i for every point (3 x N).
+    void evaluate(const kernels::Kernels* kernels, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
+                  Products& room, RoomyMatrix<Eigen::Matrix3Xd>& points) const
+    {
+        identity.multiply(kernels, num_points, alpha, room.padded, points);
+        expression.multiply(kernels, num_points, psi, room.padded, room.by_expression);
+        points += mean.leftCols(num_points) + room.by_expression;
     }
+
+private:
+    std::vector<int> taken_ = {}; ///< By `assign`, from points of the same rows.
 };
 
 /// What joint fits take of a model, packed once.

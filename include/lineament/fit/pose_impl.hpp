@@ -37,24 +37,36 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
                                               const Eigen::Vector2d& principal_point_px)
 {
     detail::check_pairs(points_in_model, image_points, given_weights, principal_point_px, "estimate_pose");
-    const Eigen::VectorXd weights = detail::weights_or_ones(given_weights, points_in_model.cols());
+    const auto weight = [&](Eigen::Index i) { return given_weights.size() > 0 ? given_weights[i] : 1.0; };
     PoseResult result;
     result.camera.principal_point_px = principal_point_px;
-    const Eigen::Index num_used = (weights.array() > 0).count();
+    Eigen::Index num_used = 0;
+    double total = 0;
+    Eigen::Vector3d mean_in_model = Eigen::Vector3d::Zero();
+    Eigen::Vector2d mean_in_image = Eigen::Vector2d::Zero();
+    for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
+        num_used += weight(i) > 0;
+        total += weight(i);
+        mean_in_model += weight(i) * points_in_model.col(i);
+        mean_in_image += weight(i) * image_points.col(i);
+    }
     if (num_used < 4) {
         result.status = FitStatus::too_few_correspondences;
         result.reason = "a pose needs 4 points, got " + std::to_string(num_used);
         return result;
     }
-
-    const double total = weights.sum();
-    const Eigen::Vector3d mean_in_model = points_in_model * weights / total;
-    const Eigen::Vector2d mean_in_image = image_points * weights / total;
-    const Eigen::Matrix3Xd model_centred = points_in_model.colwise() - mean_in_model;
-    const Eigen::Matrix2Xd image_centred = image_points.colwise() - mean_in_image;
+    mean_in_model /= total;
+    mean_in_image /= total;
+    Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();                       // of the model points about their mean
+    Eigen::Matrix<double, 2, 3> cross = Eigen::Matrix<double, 2, 3>::Zero(); // of the image points with these
+    for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
+        const Eigen::Vector3d in_model = points_in_model.col(i) - mean_in_model;
+        const Eigen::Vector2d in_image = image_points.col(i) - mean_in_image;
+        moments += weight(i) / total * in_model * in_model.transpose();
+        cross += weight(i) / total * in_image * in_model.transpose();
+    }
 
     // Extents along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely.
-    const Eigen::Matrix3d moments = model_centred * weights.asDiagonal() * model_centred.transpose() / total;
     const Eigen::Vector3d variances = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments).eigenvalues();
     if (!(variances[0] > 1e-4 * variances[2])) {
         const bool is_line = !(variances[1] > 1e-4 * variances[2]);
@@ -65,7 +77,6 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
         return result;
     }
 
-    const Eigen::Matrix<double, 2, 3> cross = image_centred * weights.asDiagonal() * model_centred.transpose() / total;
     Eigen::Matrix<double, 2, 3> affine = moments.ldlt().solve(cross.transpose()).transpose();
     const Eigen::Vector2d row_scales = affine.rowwise().norm();
     const double rounding_px = 1e-12 * (1 + image_points.cwiseAbs().maxCoeff());
@@ -85,9 +96,8 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     const Eigen::Matrix<double, 2, 3> rotation = detail::polar_factor(affine);
     camera.camera_from_model.topRows<2>() = rotation;
     camera.camera_from_model.row(2) = rotation.row(0).cross(rotation.row(1));
-    const Eigen::Matrix2Xd rotated = rotation * model_centred;
-    const double correlation = (rotated.cwiseProduct(image_centred) * weights).sum();
-    camera.scale_px_per_mm = correlation / (rotated.cwiseAbs2() * weights).sum();
+    const Eigen::Matrix2d posed = rotation * moments * rotation.transpose();
+    camera.scale_px_per_mm = cross.cwiseProduct(rotation).sum() / posed.trace();
     if (!(camera.scale_px_per_mm > 0)) {
         result.camera = Camera{};
         result.camera.principal_point_px = principal_point_px;
@@ -96,9 +106,8 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     }
     const Eigen::Vector2d translation_px = mean_in_image - camera.scale_px_per_mm * rotation * mean_in_model;
     camera.translation_mm = (translation_px - principal_point_px) / camera.scale_px_per_mm;
-    result.rms_px = detail::weighted_rms(camera, points_in_model, image_points, weights);
+    result.rms_px = detail::weighted_rms(camera, points_in_model, image_points, given_weights);
     detail::judge_facing(result);
-    const Eigen::Matrix2d posed = rotation * moments * rotation.transpose();
     if (result.status == FitStatus::success && detail::is_squeezed(cross * rotation.transpose() * posed.inverse())) {
         result.status = FitStatus::implausible;
         result.reason = detail::squeezed_reason;

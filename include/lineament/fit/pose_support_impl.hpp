@@ -34,17 +34,20 @@ inline void check_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_mode
     }
 }
 
+/// @param weights  Or none: 1 for each pair.
 [[nodiscard]] inline double weighted_rms(const Camera& camera, const Eigen::Ref<const Eigen::Matrix3Xd>& points,
                                          const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
                                          const Eigen::VectorXd& weights)
 {
-    double sum = 0;
+    double sum = 0, total = 0;
     for (Eigen::Index i = 0; i < points.cols(); ++i) {
-        if (weights[i] > 0) {
-            sum += weights[i] * (camera.project(Eigen::Vector3d(points.col(i))) - image_points.col(i)).squaredNorm();
+        const double weight = weights.size() > 0 ? weights[i] : 1.0;
+        if (weight > 0) {
+            sum += weight * (camera.project(Eigen::Vector3d(points.col(i))) - image_points.col(i)).squaredNorm();
+            total += weight;
         }
     }
-    return std::sqrt(sum / weights.sum());
+    return std::sqrt(sum / total);
 }
 
 /// The weights given, or 1 for each pair if there are none.

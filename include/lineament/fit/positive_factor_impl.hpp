@@ -26,7 +26,7 @@ public:
     /// @param matrix   n x n, of which the lower triangle is read. What is solved with a matrix that is not positive
     ///                 definite is not a number.
     /// @param damping  The diagonal is made 1 + damping times as large.
-    void factor(const Eigen::MatrixXd& matrix, double damping = 0.0)
+    void factor(const Eigen::Ref<const Eigen::MatrixXd>& matrix, double damping = 0.0)
     {
         size_ = matrix.rows();
         if (kernels_ == nullptr) {
@@ -50,23 +50,23 @@ public:
         }
     }
 
-    /// A^-1 B (n x c).
-    [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& columns)
+    /// B (n x c) becomes A^-1 B.
+    void solve(Eigen::Ref<Eigen::MatrixXd> columns)
     {
         if (kernels_ == nullptr) {
-            return cholesky_.solve(columns);
+            cholesky_.solveInPlace(columns);
+        } else if (is_single_) {
+            solve_by(kernels_->solve_factored_float, single_, single_inverses_, columns, single_solved_);
+        } else {
+            solve_by(kernels_->solve_factored, double_, inverses_, columns, solved_);
         }
-        if (is_single_) {
-            return solve_by(kernels_->solve_factored_float, single_, single_inverses_, columns, single_solved_);
-        }
-        return solve_by(kernels_->solve_factored, double_, inverses_, columns, solved_);
     }
 
     /// Of the block of a matrix's lower triangle with those rows and columns, ascending, in double precision.
     /// @param others  Further columns, ascending.
     /// @return |U^-T H_Fk|^2 of each of them, k, with F the block's.
-    [[nodiscard]] Eigen::VectorXd factor_block(const Eigen::MatrixXd& matrix, const std::vector<int>& block,
-                                               const std::vector<int>& others)
+    [[nodiscard]] Eigen::VectorXd factor_block(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                                               const std::vector<int>& block, const std::vector<int>& others)
     {
         size_ = static_cast<Eigen::Index>(block.size());
         const Eigen::Index num_others = static_cast<Eigen::Index>(others.size());
@@ -151,7 +151,7 @@ private:
 
     /// The matrix's lower columns as the upper rows of `system`.
     template <typename T>
-    T* set_upper(const Eigen::MatrixXd& matrix, double damping, AlignedBuffer<T>& system)
+    T* set_upper(const Eigen::Ref<const Eigen::MatrixXd>& matrix, double damping, AlignedBuffer<T>& system)
     {
         const int n = static_cast<int>(size_);
         T* row = room_for(system, static_cast<Eigen::Index>(n) * width_);
@@ -175,20 +175,18 @@ private:
     }
 
     template <typename T, typename Solve>
-    Eigen::MatrixXd solve_by(Solve solve_factored, const AlignedBuffer<T>& system, const AlignedBuffer<T>& inverses,
-                             const Eigen::MatrixXd& columns, AlignedBuffer<T>& solved)
+    void solve_by(Solve solve_factored, const AlignedBuffer<T>& system, const AlignedBuffer<T>& inverses,
+                  Eigen::Ref<Eigen::MatrixXd> columns, AlignedBuffer<T>& solved)
     {
         using SideBySide = Eigen::Matrix<T, Eigen::Dynamic, kernels::num_right_sides, Eigen::RowMajor>;
         Eigen::Map<SideBySide> x(room_for(solved, size_ * kernels::num_right_sides), size_, kernels::num_right_sides);
-        Eigen::MatrixXd result(size_, columns.cols());
         for (Eigen::Index begin = 0; begin < columns.cols(); begin += kernels::num_right_sides) {
             const Eigen::Index count = std::min<Eigen::Index>(columns.cols() - begin, kernels::num_right_sides);
             x.setZero();
             x.leftCols(count) = columns.middleCols(begin, count).template cast<T>();
             solve_factored(system.data(), static_cast<int>(size_), width_, inverses.data(), x.data());
-            result.middleCols(begin, count) = x.leftCols(count).template cast<double>();
+            columns.middleCols(begin, count) = x.leftCols(count).template cast<double>();
         }
-        return result;
     }
 
     /// U^-T of the leading n unknowns.
