@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 #include "lineament/fit/joint_image.hpp"
+#include "lineament/kernels/scalar_kernels.hpp"
 
 #include "lineament/fit/joint_fitter.hpp"
 
@@ -18,7 +19,12 @@ TEST(OutlineMatch, IsTheNearestPointOfTheOutlineWithItsNormal)
     points << 50, 50, 50, 50, 50, 0, 10, 20, 30, 40;
     detail::Polyline line;
     line.set_points(points);
-    const detail::OutlineMatch on_line = detail::match_polyline(line, {57, 14});
+    kernels::AlignedBuffer<double> u(8), v(8);
+    u[0] = 57;
+    v[0] = 14;
+    std::vector<int> segments(1);
+    line.find_nearest(kernels::scalar_kernels(), u, v, segments);
+    const detail::OutlineMatch on_line = line.match(segments[0], {57, 14});
     EXPECT_FALSE(on_line.is_silhouette);
     EXPECT_EQ(on_line.position, 1);
     EXPECT_NEAR(on_line.fraction, 0.4, 1e-12);

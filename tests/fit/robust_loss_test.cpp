@@ -26,7 +26,7 @@ TEST(RobustLoss, WeightIsTheDerivativeAndTheLossNeverFalls)
                 const double slope =
                     (robust_weight(loss, u + step, dimensions) - robust_weight(loss, u - step, dimensions)) /
                     (2 * step);
-                EXPECT_NEAR(robust_curvature(loss, u, dimensions),
+                EXPECT_NEAR(robust_derivatives(loss, u, dimensions).curvature,
                             std::max(0.1 * numeric, numeric + 2.0 / dimensions * u * slope), 1e-6);
             }
         }

@@ -529,6 +529,47 @@ TEST_P(KernelsTest, FindsTheFirstNearestPointOfEach)
     }
 }
 
+TEST_P(KernelsTest, FindsTheFirstNearestSegmentOfEach)
+{
+    for (const int count : {1, 2, 9, 33}) {
+        for (const int num_to : {1, 7, 8, 11}) {
+            // Corners at whole numbers: many distances are equal, and some segments have no length.
+            Eigen::MatrixX2d corners(count + 1, 2);
+            AlignedBuffer<double> segments(5 * count), to_u(round_up(num_to, 8)), to_v(round_up(num_to, 8));
+            for (double& corner : corners.reshaped()) {
+                corner = std::round(random.uniform(-3, 3));
+            }
+            Eigen::Map<Eigen::MatrixXd> columns(segments.data(), count, 5);
+            columns.leftCols<2>() = corners.topRows(count);
+            columns.middleCols<2>(2) = corners.bottomRows(count) - corners.topRows(count);
+            columns.col(4) = (columns.middleCols<2>(2).rowwise().squaredNorm().array() > 0)
+                                 .select(columns.middleCols<2>(2).rowwise().squaredNorm().cwiseInverse(), 0.0);
+            for (AlignedBuffer<double>* values : {&to_u, &to_v}) {
+                std::generate_n(values->data(), values->size(), [&] { return std::round(random.uniform(-3, 3)); });
+            }
+            std::vector<int> nearest(num_to, -1), plain(num_to, -1);
+            kernels.nearest_segments(segments.data(), count, count, to_u.data(), to_v.data(), num_to, nearest.data());
+            scalar::nearest_segments(segments.data(), count, count, to_u.data(), to_v.data(), num_to, plain.data());
+            EXPECT_EQ(nearest, plain);
+            for (int j = 0; j < num_to; ++j) { // against points all along each segment
+                const auto distance_to = [&](int segment) {
+                    const Eigen::RowVector2d to(to_u[j], to_v[j]);
+                    const Eigen::RowVector2d along = columns.block<1, 2>(segment, 2);
+                    double least = std::numeric_limits<double>::infinity();
+                    for (int k = 0; k <= 5040; ++k) {
+                        least = std::min(least, (corners.row(segment) + k / 5040.0 * along - to).norm());
+                    }
+                    return least;
+                };
+                for (int i = 0; i < count; ++i) {
+                    const double difference = distance_to(i) - distance_to(nearest[j]);
+                    EXPECT_GT(difference, i < nearest[j] ? 1e-9 : -1e-3) << i << " before " << nearest[j];
+                }
+            }
+        }
+    }
+}
+
 TEST_P(KernelsTest, SeesPoints)
 {
     for (const int count : {1, 5, 8, 51}) {

@@ -110,6 +110,8 @@ public:
     [[nodiscard]] const Eigen::VectorXf* landmark_noise_mm() const;
     [[nodiscard]] const Blendshapes* expressions() const { return model_.find_expression_set(options_.expression_set); }
     [[nodiscard]] const ModelPoints& landmark_points() const { return landmark_points_; }
+    /// Of each landmark of the map: the side of an outline landmark, or nothing.
+    [[nodiscard]] const std::vector<std::optional<FaceSide>>& outline_sides() const { return outline_sides_; }
     [[nodiscard]] const std::optional<ContourModel>& contour() const { return contour_; }
 
     /// S(a, psi) in float at the vertices that match_contour reads in this view; the others are left as they are.
@@ -130,6 +132,7 @@ private:
     std::string scheme_;
     FitOptions options_;
     ModelPoints landmark_points_ = {};
+    std::vector<std::optional<FaceSide>> outline_sides_ = {};
     std::optional<ContourModel> contour_ = std::nullopt; ///< Unless the outline is ignored or fixed.
     Eigen::MatrixXf identity_rows_ = {};                 ///< m x 3V, B^T; where there is a contour.
     Eigen::MatrixXf expression_rows_ = {};               ///< k x 3V, D^T.

@@ -71,6 +71,9 @@ LINEAMENT_FIT_INLINE FaceFitter::FaceFitter(MorphableModel model, std::string sc
     }
     require(!options_.outline_beside_scheme || options_.contour != ContourMode::fixed, "FaceFitter", "options.contour",
             "another than fixed where the outline lies beside the scheme: the map has no points for it", "fixed");
+    for (const std::string& name : map->names) {
+        outline_sides_.push_back(outline_side(scheme_, name));
+    }
     landmark_points_ = lineament::landmark_points(model_, *map, expressions(), count);
     if ((scheme_ == "ibug68" || options_.outline_beside_scheme) &&
         (options_.contour == ContourMode::front_facing || options_.contour == ContourMode::both)) {

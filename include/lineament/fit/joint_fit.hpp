@@ -67,7 +67,7 @@ private:
     [[nodiscard]] JointCertainty find_certainty(); ///< At the state, where its points are placed.
     void set_certainty(JointFramesResult& result); ///< Of each frame.
     void match();
-    void turn_by_depth(std::size_t used_index);
+    [[nodiscard]] bool turn_by_depth(std::size_t used_index); ///< False where it stays.
     void set_unfitted(const Image& image, FitResult& result) const;
     void set_fit(std::size_t used_index, FitResult& result);
     void judge(JointFramesResult& result) const;
@@ -83,6 +83,7 @@ private:
     JointState state_ = {}; ///< The minimum of the energy.
     JointState shown_ = {}; ///< The same as a result: cameras and expressions after the turn by depth, psi at scale s.
     std::vector<double> matched_scales_ = {};
+    std::vector<unsigned char> is_turned_ = {}; ///< By depth.
     JointProgress progress_ = {};
     JointScratch scratch_;
     double total_us_ = 0.0;
@@ -92,7 +93,7 @@ private:
     PackedPoints::Products products_ = {};
     RoomyMatrix<Eigen::Matrix3Xd> points_ = {};
     Eigen::VectorXd weights_ = {};
-    std::vector<double> distances_ = {};
+    std::vector<double> squared_distances_ = {};
     std::vector<unsigned char> is_used_ = {};
     JointFramesResult result_ = {};
 };

@@ -98,7 +98,7 @@ inline void JointFit::estimate_pose(Image& image, const JointImage& fixed, const
     };
     image.matcher.set_start_weights(weights_);
     PoseResult pose = pose_for(weights_);
-    if (has_wild_points(pose, points_, image_points, distances_)) {
+    if (has_wild_points(pose, points_, image_points, squared_distances_)) {
         const PoseResult without = pose_for(without_wild_points(points_, image_points, weights_));
         pose = without.status == FitStatus::success ? without : pose;
     }
@@ -171,8 +171,9 @@ inline void JointFit::run()
         minimize(problem_, state_, limits, round, scratch_, progress_);
     }
     shown_ = state_;
+    is_turned_.clear();
     for (std::size_t f = 0; f < used_.size(); ++f) {
-        turn_by_depth(f);
+        is_turned_.push_back(turn_by_depth(f) ? 1 : 0);
         const double own_scale = matched_scales_[f] / shown_.cameras[f].scale_px_per_mm;
         const double bound = options().max_expression;
         shown_.psi[f] = shown_.psi[f].unaryExpr(
@@ -181,12 +182,12 @@ inline void JointFit::run()
 }
 
 /// After the minimum, so that identity and biases, of which depth says nothing, are what the image points say.
-inline void JointFit::turn_by_depth(std::size_t f)
+inline bool JointFit::turn_by_depth(std::size_t f)
 {
     const std::vector<Landmark>& landmarks = images_[used_[f]].landmarks->landmarks;
     if (options().focal_length_px || options().phi_sigma_per_mm ||
         std::none_of(landmarks.begin(), landmarks.end(), [](const Landmark& l) { return l.depth_px.has_value(); })) {
-        return;
+        return false;
     }
     JointProblem alone(options(), *prior_, num_expressions());
     alone.images = {problem_.images[f]};
@@ -213,7 +214,7 @@ inline void JointFit::turn_by_depth(std::size_t f)
         }
     }
     if (!turn_camera_by_depth(all, with_depth, num_with_depth, state.cameras.front())) {
-        return;
+        return false;
     }
     seen.points.mean.leftCols(shape.cols()) += placed.points - shape; // biases are held
     for (JointPoint& used : seen.used) {
@@ -224,6 +225,7 @@ inline void JointFit::turn_by_depth(std::size_t f)
     minimize(alone, state, {options().max_iterations, options().tolerance, true}, 0, scratch, progress);
     shown_.cameras[f] = state.cameras.front();
     shown_.psi[f] = state.psi.front();
+    return true;
 }
 
 inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -28,18 +29,25 @@ struct OutlineMatch
     double distance_px = 0.0;                         ///< Across the outline.
 };
 
-/// Projected points from ear to chin, two or more, and what is needed of their segments.
-struct Polyline
+/// Projected points from ear to chin, two or more, and the segments between them.
+class Polyline
 {
-    RoomyMatrix<Eigen::Matrix2Xd> points = {};
-    RoomyMatrix<Eigen::Matrix2Xd> along = {};          ///< From each point to the next.
-    RoomyMatrix<Eigen::VectorXd> inverse_squares = {}; ///< 1 over their squared lengths, 0 for none.
-
+public:
+    /// @param projected  2 x N.
     void set_points(const Eigen::Ref<const Eigen::Matrix2Xd>& projected);
-};
 
-/// The point of the polyline that is nearest to the landmark.
-[[nodiscard]] OutlineMatch match_polyline(const Polyline& line, const Eigen::Vector2d& landmark);
+    /// For each landmark the first of the segments nearest to it.
+    /// @param u, v  A multiple of 8 of each.
+    void find_nearest(const kernels::Kernels& kernels, const AlignedBuffer<double>& u, const AlignedBuffer<double>& v,
+                      std::vector<int>& segments) const;
+
+    /// The point of a segment that is nearest to the landmark.
+    [[nodiscard]] OutlineMatch match(int segment, const Eigen::Vector2d& landmark) const;
+
+private:
+    RoomyMatrix<Eigen::Matrix2Xd> points_ = {};
+    RoomyMatrix<Eigen::Matrix<double, Eigen::Dynamic, 5>> segments_ = {}; ///< As kernels have them.
+};
 
 /// The silhouette vertex nearest to the landmark, within `max_distance_px`, and the direction of the silhouette around
 /// it.
@@ -106,6 +114,7 @@ public:
     void set_view(ContourView view) { view_ = view; }
 
 private:
+    void set_outline();
     void match_outline(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi);
     void match_candidates(FaceSide side, const Camera& camera);
     void match_silhouette_of(FaceSide side, const Camera& camera);
@@ -126,7 +135,13 @@ private:
     const LandmarkSet* landmarks_ = nullptr;
     std::span<const Eigen::Matrix2d> covariances_px_ = {};
     LandmarkUse use_ = {};
-    std::vector<FaceSide> outline_sides_ = {}; ///< Of use_.outline.
+    /// Those of one side.
+    struct OutlineLandmarks
+    {
+        std::vector<int> indices = {};
+        AlignedBuffer<double> u = {}, v = {};
+    };
+    std::array<OutlineLandmarks, 2> outline_ = {}; ///< By FaceSide.
     ContourView view_ = ContourView::frontal;
 
     // Of the last match:
@@ -138,6 +153,7 @@ private:
     RoomyMatrix<Eigen::Matrix3Xd> candidates_ = {};
     RoomyMatrix<Eigen::Matrix2Xd> projected_ = {};
     Polyline line_ = {};
+    std::vector<int> segments_ = {};
     Eigen::Matrix3Xf shape_vertices_ = {};
 };
 

@@ -7,6 +7,7 @@
 #include "lineament/camera/angles.hpp"
 #include "lineament/fit/contour_support_impl.hpp"
 #include "lineament/fit/inline.hpp"
+#include "lineament/kernels/scalar_kernels.hpp"
 
 #include <Eigen/LU>
 
@@ -20,36 +21,35 @@ namespace lineament::detail {
 
 LINEAMENT_FIT_INLINE void Polyline::set_points(const Eigen::Ref<const Eigen::Matrix2Xd>& projected)
 {
-    points = projected;
-    along = points.rightCols(points.cols() - 1) - points.leftCols(points.cols() - 1);
-    inverse_squares.resize(along.cols());
-    for (Eigen::Index i = 0; i < along.cols(); ++i) {
-        const double square = along.col(i).squaredNorm();
-        inverse_squares[i] = square > 0 ? 1 / square : 0.0;
+    points_ = projected;
+    segments_.resize(points_.cols() - 1, 5);
+    for (Eigen::Index i = 0; i < segments_.rows(); ++i) {
+        const Eigen::Vector2d along = points_.col(i + 1) - points_.col(i);
+        const double square = along.squaredNorm();
+        segments_.row(i) << points_(0, i), points_(1, i), along.x(), along.y(), square > 0 ? 1 / square : 0.0;
     }
 }
 
-LINEAMENT_FIT_INLINE OutlineMatch match_polyline(const Polyline& line, const Eigen::Vector2d& landmark)
+LINEAMENT_FIT_INLINE void Polyline::find_nearest(const kernels::Kernels& kernels, const AlignedBuffer<double>& u,
+                                                 const AlignedBuffer<double>& v, std::vector<int>& segments) const
 {
-    OutlineMatch best;
-    double least = std::numeric_limits<double>::infinity();
-    for (Eigen::Index i = 0; i < line.along.cols(); ++i) {
-        const Eigen::Vector2d to_landmark = landmark - line.points.col(i), along = line.along.col(i);
-        const double fraction = std::clamp(along.dot(to_landmark) * line.inverse_squares[i], 0.0, 1.0);
-        const double distance = (fraction * along - to_landmark).squaredNorm();
-        if (distance < least) {
-            least = distance;
-            best.position = static_cast<int>(i);
-            best.fraction = fraction;
-        }
-    }
-    const Eigen::Index before = std::max<Eigen::Index>(best.position - 1, 0); // the direction over three segments
-    const Eigen::Index after = std::min<Eigen::Index>(best.position + 2, line.points.cols() - 1);
-    const Eigen::Vector2d tangent = (line.points.col(after) - line.points.col(before)).normalized();
-    best.normal = {-tangent.y(), tangent.x()};
-    best.distance_px = std::abs(
-        best.normal.dot(landmark - line.points.col(best.position) - best.fraction * line.along.col(best.position)));
-    return best;
+    const int count = static_cast<int>(segments_.rows());
+    kernels.nearest_segments(segments_.data(), count, count, u.data(), v.data(), static_cast<int>(segments.size()),
+                             segments.data());
+}
+
+LINEAMENT_FIT_INLINE OutlineMatch Polyline::match(int segment, const Eigen::Vector2d& landmark) const
+{
+    const Eigen::Vector2d from = points_.col(segment), along = segments_.block<1, 2>(segment, 2).transpose();
+    OutlineMatch match;
+    match.position = segment;
+    match.fraction = std::clamp(along.dot(landmark - from) * segments_(segment, 4), 0.0, 1.0);
+    const Eigen::Index before = std::max(segment - 1, 0); // the direction over three segments
+    const Eigen::Index after = std::min<Eigen::Index>(segment + 2, points_.cols() - 1);
+    const Eigen::Vector2d tangent = (points_.col(after) - points_.col(before)).normalized();
+    match.normal = {-tangent.y(), tangent.x()};
+    match.distance_px = std::abs(match.normal.dot(landmark - from - match.fraction * along));
+    return match;
 }
 
 LINEAMENT_FIT_INLINE std::optional<OutlineMatch> match_silhouette(const Eigen::Matrix2Xd& projected,
@@ -122,9 +122,28 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::begin(const JointContext& context, 
         require_covariance(covariances_px[l], function,
                            "landmark \"" + landmarks.landmarks[l].name + "\".covariance_px");
     }
-    outline_sides_.clear();
+    set_outline();
+}
+
+LINEAMENT_FIT_INLINE void JointImageMatcher::set_outline()
+{
+    for (OutlineLandmarks& side : outline_) {
+        side.indices.clear();
+    }
     for (const int l : use_.outline) {
-        outline_sides_.push_back(*outline_side(landmarks.scheme, landmark(l).name));
+        const FaceSide side = *outline_side(landmarks_->scheme, landmark(l).name);
+        outline_[static_cast<std::size_t>(side)].indices.push_back(l);
+    }
+    for (OutlineLandmarks& side : outline_) {
+        const int count = static_cast<int>(side.indices.size()), room = kernels::round_up(count, 8);
+        double* u = room_for(side.u, room);
+        double* v = room_for(side.v, room);
+        for (int i = 0; i < count; ++i) {
+            u[i] = landmark(side.indices[static_cast<std::size_t>(i)]).point_px.x();
+            v[i] = landmark(side.indices[static_cast<std::size_t>(i)]).point_px.y();
+        }
+        std::fill(u + count, u + room, 0.0);
+        std::fill(v + count, v + room, 0.0);
     }
 }
 
@@ -231,12 +250,14 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match_candidates(FaceSide side, con
         projected_.col(i) = camera.project(Eigen::Vector3d(candidates_.col(first + i)));
     }
     line_.set_points(projected_);
-    for (std::size_t o = 0; o < use_.outline.size(); ++o) {
-        if (outline_sides_[o] == side) {
-            OutlineMatch& match = matches_.emplace_back(match_polyline(line_, landmark(use_.outline[o]).point_px));
-            match.landmark_index = use_.outline[o];
-            match.position += static_cast<int>(first);
-        }
+    const OutlineLandmarks& outline = outline_[static_cast<std::size_t>(side)];
+    segments_.resize(outline.indices.size());
+    line_.find_nearest(context_->kernels != nullptr ? *context_->kernels : kernels::scalar_kernels(), outline.u,
+                       outline.v, segments_);
+    for (std::size_t i = 0; i < segments_.size(); ++i) {
+        OutlineMatch& match = matches_.emplace_back(line_.match(segments_[i], landmark(outline.indices[i]).point_px));
+        match.landmark_index = outline.indices[i];
+        match.position += static_cast<int>(first);
     }
 }
 
@@ -250,14 +271,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match_silhouette_of(FaceSide side, 
     }
     const Eigen::Matrix2Xd projected = project_vertices(shape_vertices_, silhouette_vertices_, camera);
     const double scale = camera.scale_px_per_mm;
-    for (std::size_t o = 0; o < use_.outline.size(); ++o) {
-        const int l = use_.outline[o];
-        if (outline_sides_[o] == side) {
-            if (const std::optional<OutlineMatch> match =
-                    match_silhouette(projected, landmark(l).point_px, 15 * scale, contour.max_distance_mm * scale)) {
-                matches_.push_back(*match);
-                matches_.back().landmark_index = l;
-            }
+    for (const int l : outline_[static_cast<std::size_t>(side)].indices) {
+        if (const std::optional<OutlineMatch> match =
+                match_silhouette(projected, landmark(l).point_px, 15 * scale, contour.max_distance_mm * scale)) {
+            matches_.push_back(*match);
+            matches_.back().landmark_index = l;
         }
     }
 }
@@ -288,11 +306,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_point_of_match(const OutlineMat
     points.mean.col(to) += identity.cast<double>().transpose() * *context_->known_identity;
 }
 
-/// U00, U01, U11 of the upper triangular U with weight C^-1 = U^T U.
-[[nodiscard]] inline Eigen::RowVector3d root_of_inverse(double weight, const Eigen::Matrix2d& covariance)
+/// U00, U01, U11 of the upper triangular U with C^-1 = U^T U.
+[[nodiscard]] inline Eigen::RowVector3d root_of_inverse(const Eigen::Matrix2d& covariance)
 {
-    const double scale = std::sqrt(weight / (covariance(1, 1) * covariance.determinant()));
-    return {scale * covariance(1, 1), -scale * covariance(0, 1), std::sqrt(weight / covariance(1, 1))};
+    const double scale = 1 / std::sqrt(covariance(1, 1) * covariance.determinant());
+    return {scale * covariance(1, 1), -scale * covariance(0, 1), 1 / std::sqrt(covariance(1, 1))};
 }
 
 LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const Eigen::VectorXd& alpha,
@@ -308,22 +326,27 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     image.used.clear();
     image.roots.resize(image.points.num_points, 3);
     image.matched_scale = noise.scale_px_per_mm;
-    const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::Matrix2d& covariance) {
-        image.roots.row(static_cast<Eigen::Index>(image.used.size())) =
-            root_of_inverse(landmark(l).confidence, covariance);
+    const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::RowVector3d& root) {
+        image.roots.row(static_cast<Eigen::Index>(image.used.size())) = std::sqrt(landmark(l).confidence) * root;
         image.used.push_back({l, bias_index, num_dimensions});
     };
+    const bool has_own_noise = !covariances_px_.empty() || !options().covariances_mm.empty();
+    double last_variance = -1;
+    Eigen::RowVector3d root; // of the last one
     const Eigen::VectorXf* stated = base().landmark_noise_mm();
     for (const int l : use_.fixed) {
         const int map_index = use_.map_indices[l];
         const bool is_outline = // others are matched
-            options().contour == ContourMode::fixed && is_outline_landmark(base(), landmark(l));
+            options().contour == ContourMode::fixed && base().outline_sides()[static_cast<std::size_t>(map_index)];
         const double sigma_mm = is_outline ? options().contour_sigma_mm : options().landmark_sigma_mm;
         const Eigen::Vector3d bias_variances = bias_variances_mm(options(), stated, map_index);
         const double variance =
             stated != nullptr ? std::pow((*stated)[map_index], 2) - bias_variances.x() : sigma_mm * sigma_mm;
-        add(l, noise.has_bias ? map_index : -1, 2,
-            covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
+        if (has_own_noise || variance != last_variance) { // the variance of the bias goes with it
+            root = root_of_inverse(covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
+            last_variance = variance;
+        }
+        add(l, noise.has_bias ? map_index : -1, 2, root);
     }
     for (std::size_t m = 0; m < matches_.size(); ++m) {
         const OutlineMatch& match = matches_[m];
@@ -332,11 +355,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
         image.image_points.col(i) = landmark(match.landmark_index).point_px;
         const Eigen::Vector2d tangent(-match.normal.y(), match.normal.x());
         const double along_px = noise.scale_px_per_mm * options().contour_along_sigma_mm;
+        const Eigen::Matrix2d across = covariance_px(
+            match.landmark_index, options().contour_sigma_mm * options().contour_sigma_mm,
+            Eigen::Vector3d::Constant(options().bias_sigma_mm * options().bias_sigma_mm), camera, noise, false);
         add(match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
-            covariance_px(match.landmark_index, options().contour_sigma_mm * options().contour_sigma_mm,
-                          Eigen::Vector3d::Constant(options().bias_sigma_mm * options().bias_sigma_mm), camera, noise,
-                          false) +
-                along_px * along_px * tangent * tangent.transpose());
+            root_of_inverse(across + along_px * along_px * tangent * tangent.transpose()));
     }
 }
 

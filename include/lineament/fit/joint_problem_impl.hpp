@@ -147,12 +147,11 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
     for (Eigen::Index i = 0; i < count; ++i) {
         const double squared = placed.squared_residual(i);
         const int num_dimensions = seen.used[static_cast<std::size_t>(i)].num_dimensions;
-        const double curvature = robust_curvature(options_->loss, squared, num_dimensions);
-        root_curvatures[i] = curvature;
-        terms.residuals.row(i) = robust_weight(options_->loss, squared, num_dimensions) * placed.residuals.row(i);
+        const RobustDerivatives at = robust_derivatives(options_->loss, squared, num_dimensions);
+        const double root = std::sqrt(at.curvature);
+        root_curvatures[i] = root;
+        terms.residuals.row(i) = at.weight / root * placed.residuals.row(i);
     }
-    root_curvatures = root_curvatures.cwiseSqrt();
-    terms.residuals.array().colwise() /= root_curvatures.array();
     terms.derivatives.resize(count, 20);
     if (kernels != nullptr) {
         kernels->camera_derivatives(for_kernels(camera), placed.points.data(), placed.offsets.data(), seen.roots.data(),

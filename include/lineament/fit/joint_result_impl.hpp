@@ -82,7 +82,12 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
                 base().landmark_points().at(map_indices[l], result.shape_coefficients, result.expression_coefficients));
         }
     }
-    seen.points.evaluate(context_->kernels, state_.alpha, shown_.psi[f], products_, points_);
+    const double own_scale = matched_scales_[f] / state_.cameras[f].scale_px_per_mm;
+    if (state_.bias.size() == 0 && !is_turned_[f] && shown_.psi[f] == own_scale * state_.psi[f]) {
+        points_ = scratch_.placed[f].points; // already there
+    } else {
+        seen.points.evaluate(context_->kernels, state_.alpha, shown_.psi[f], products_, points_);
+    }
     double sum = 0;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         const JointPoint& used = seen.used[i];

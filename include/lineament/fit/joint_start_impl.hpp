@@ -18,18 +18,13 @@
 
 namespace lineament::detail {
 
-/// Of numbers, which change places, the upper one of the middle two.
-[[nodiscard]] inline double median_of(std::vector<double>& values)
-{
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
+/// Of a set of numbers, the upper one of the middle two.
 [[nodiscard]] inline double median_of(const Eigen::VectorXd& values)
 {
     std::vector<double> sorted(values.begin(), values.end());
-    return median_of(sorted);
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    return *middle;
 }
 
 inline constexpr Eigen::Index min_points_for_wild_ones = 12;
@@ -55,7 +50,9 @@ inline constexpr Eigen::Index min_points_for_wild_ones = 12;
         squared_distances.push_back(squared);
         largest = std::max(largest, squared);
     }
-    return largest > 8 * 8 * median_of(squared_distances);
+    const auto num_near = std::count_if(squared_distances.begin(), squared_distances.end(),
+                                        [&](double squared) { return 8 * 8 * squared < largest; });
+    return 2 * num_near > points.cols(); // the middle one is among them
 }
 
 /// The weights, 0 for points that lie four times as far from an affine camera as the middle one. The camera is that of

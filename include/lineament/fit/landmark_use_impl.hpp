@@ -77,7 +77,8 @@ inline void set_use_of_landmarks(const FaceFitter& fitter, const LandmarkSet& la
         if (landmark.confidence < least_confidence || (noise_mm != nullptr && std::isinf((*noise_mm)[map_index]))) {
             continue;
         }
-        if (!is_outline_landmark(fitter, landmark) || fitter.options().contour == ContourMode::fixed) {
+        if (!fitter.outline_sides()[static_cast<std::size_t>(map_index)] ||
+            fitter.options().contour == ContourMode::fixed) {
             use.fixed.push_back(static_cast<int>(l));
         } else if (fitter.contour()) {
             use.outline.push_back(static_cast<int>(l));

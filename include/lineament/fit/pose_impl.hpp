@@ -67,7 +67,8 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     }
 
     // Extents along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely.
-    const Eigen::Vector3d variances = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments).eigenvalues();
+    const Eigen::Vector3d variances =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly).eigenvalues();
     if (!(variances[0] > 1e-4 * variances[2])) {
         const bool is_line = !(variances[1] > 1e-4 * variances[2]);
         const bool is_point = !(variances[2] > 0);

@@ -66,39 +66,40 @@ private:
     double products_[2] = {1, 1}; ///< Of residuals of one and of two dimensions.
 };
 
-/// rho'(u): the weight of the residual in re-weighted least squares.
-[[nodiscard]] inline double robust_weight(RobustLoss loss, double squared_residual, int num_dimensions)
+/// What a residual says of the unknowns, and how hard it pulls.
+struct RobustDerivatives
 {
+    double weight = 1.0; ///< rho'(u): of the residual in re-weighted least squares.
+    /// rho'(u) + (2/d) u rho''(u): of rho(|z|^2) / 2 in z, averaged over directions; at least a tenth of the weight, so
+    /// that it stays positive.
+    double curvature = 1.0;
+};
+
+[[nodiscard]] inline RobustDerivatives robust_derivatives(RobustLoss loss, double squared_residual, int num_dimensions)
+{
+    double weight = 1.0, relative_slope = 0.0; // rho' and -u rho'' / rho'
     switch (loss) {
     case RobustLoss::none:
         break;
-    case RobustLoss::student_t:
-        return (student_t_degrees + num_dimensions) / (student_t_degrees + squared_residual);
+    case RobustLoss::student_t: {
+        const double inverse = 1 / (student_t_degrees + squared_residual);
+        weight = (student_t_degrees + num_dimensions) * inverse;
+        relative_slope = squared_residual * inverse;
+        break;
+    }
     case RobustLoss::geman_mcclure: {
-        const double root = geman_mcclure_width_sq / (geman_mcclure_width_sq + squared_residual);
-        return root * root;
+        const double inverse = 1 / (geman_mcclure_width_sq + squared_residual);
+        weight = geman_mcclure_width_sq * inverse * geman_mcclure_width_sq * inverse;
+        relative_slope = 2 * squared_residual * inverse;
+        break;
     }
     }
-    return 1.0;
+    return {weight, weight * std::max(0.1, 1 - 2.0 / num_dimensions * relative_slope)};
 }
 
-/// rho'(u) + (2/d) u rho''(u): the curvature of rho(|z|^2) / 2 in z, averaged over directions; at least a tenth of the
-/// weight, so that it stays positive. What a residual says of the unknowns, where the weight says how hard it pulls.
-[[nodiscard]] inline double robust_curvature(RobustLoss loss, double squared_residual, int num_dimensions)
+[[nodiscard]] inline double robust_weight(RobustLoss loss, double squared_residual, int num_dimensions)
 {
-    const double weight = robust_weight(loss, squared_residual, num_dimensions);
-    double slope = 0; // rho''
-    switch (loss) {
-    case RobustLoss::none:
-        break;
-    case RobustLoss::student_t:
-        slope = -weight / (student_t_degrees + squared_residual);
-        break;
-    case RobustLoss::geman_mcclure:
-        slope = -2 * weight / (geman_mcclure_width_sq + squared_residual);
-        break;
-    }
-    return std::max(0.1 * weight, weight + 2.0 / num_dimensions * squared_residual * slope);
+    return robust_derivatives(loss, squared_residual, num_dimensions).weight;
 }
 
 } // namespace lineament

@@ -215,6 +215,41 @@ inline void nearest_points(const double* u, const double* v, int count, const do
     }
 }
 
+inline void nearest_segments(const double* segments, int step, int count, const double* to_u, const double* to_v,
+                             int num_to, int* nearest)
+{
+    const DoubleTag d;
+    const hn::Rebind<std::int64_t, DoubleTag> integers;
+    alignas(64) std::int64_t found[double_lanes];
+    const DoubleVector zero = hn::Zero(d), one = hn::Set(d, 1.0);
+    for (int begin = 0; begin < num_to; begin += double_lanes) {
+        const DoubleVector end_u = hn::Load(d, to_u + begin), end_v = hn::Load(d, to_v + begin);
+        DoubleVector least = hn::Set(d, std::numeric_limits<double>::infinity());
+        auto first = hn::Zero(integers);
+        auto index = hn::Zero(integers);
+        for (int i = 0; i < count; ++i) {
+            const double* segment = segments + i;
+            const DoubleVector u = hn::Sub(end_u, hn::Set(d, segment[0]));
+            const DoubleVector v = hn::Sub(end_v, hn::Set(d, segment[step]));
+            const DoubleVector along_u = hn::Set(d, segment[2 * step]), along_v = hn::Set(d, segment[3 * step]);
+            const DoubleVector share =
+                hn::Mul(hn::Add(hn::Mul(u, along_u), hn::Mul(v, along_v)), hn::Set(d, segment[4 * step]));
+            const DoubleVector fraction = hn::Min(hn::Max(share, zero), one);
+            const DoubleVector du = hn::Sub(hn::Mul(fraction, along_u), u);
+            const DoubleVector dv = hn::Sub(hn::Mul(fraction, along_v), v);
+            const DoubleVector distance = hn::Add(hn::Mul(du, du), hn::Mul(dv, dv));
+            const auto is_nearer = hn::Lt(distance, least);
+            least = hn::Min(distance, least);
+            first = hn::IfThenElse(hn::RebindMask(integers, is_nearer), index, first);
+            index = hn::Add(index, hn::Set(integers, 1));
+        }
+        hn::Store(first, integers, found);
+        for (int j = begin; j < num_to && j < begin + double_lanes; ++j) {
+            nearest[j] = static_cast<int>(found[j - begin]);
+        }
+    }
+}
+
 inline void see_points(const float* points, int count, const double* m, double* u, double* v)
 {
     const DoubleTag d;
@@ -258,6 +293,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     residual_factors,
                                     nearest_point,
                                     nearest_points,
+                                    nearest_segments,
                                     see_points,
                                     multiply_wide,
                                     add_wide,

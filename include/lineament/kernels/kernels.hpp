@@ -152,6 +152,13 @@ struct Kernels
     void (*nearest_points)(const double* u, const double* v, int count, const double* to_u, const double* to_v,
                            int num_to, int* nearest);
 
+    /// For each of the points (to_u[j], to_v[j]), j < num_to, the first of those segments i < count that are nearest to
+    /// it: nearest[j]. The segments stand in five columns of `step` doubles: where each begins, u and v, from there to
+    /// its end, du and dv, and 1 over its squared length, or 0 for none. to_u and to_v have a multiple of 8 doubles.
+    /// The same of every set.
+    void (*nearest_segments)(const double* segments, int step, int count, const double* to_u, const double* to_v,
+                             int num_to, int* nearest);
+
     /// Where points x0 y0 z0 x1 ... are seen: u[i] = m[0] x + m[1] y + m[2] z + m[3], and v[i] likewise from m[4] on.
     /// Points up to a multiple of 8 are read and written; they may begin anywhere.
     void (*see_points)(const float* points, int count, const double* m, double* u, double* v);

@@ -293,6 +293,25 @@ inline void nearest_points(const double* u, const double* v, int count, const do
     }
 }
 
+inline void nearest_segments(const double* segments, int step, int count, const double* to_u, const double* to_v,
+                             int num_to, int* nearest)
+{
+    for (int j = 0; j < num_to; ++j) {
+        double least = std::numeric_limits<double>::infinity();
+        nearest[j] = 0;
+        for (int i = 0; i < count; ++i) {
+            const double* segment = segments + i;
+            const double u = to_u[j] - segment[0], v = to_v[j] - segment[step];
+            const double along_u = segment[2 * step], along_v = segment[3 * step];
+            const double fraction = std::clamp((u * along_u + v * along_v) * segment[4 * step], 0.0, 1.0);
+            const double du = fraction * along_u - u, dv = fraction * along_v - v;
+            const double squared = du * du + dv * dv;
+            nearest[j] = squared < least ? i : nearest[j];
+            least = std::min(squared, least);
+        }
+    }
+}
+
 inline void see_points(const float* points, int count, const double* m, double* u, double* v)
 {
     for (int i = 0; i < count; ++i) {
@@ -496,6 +515,7 @@ namespace lineament::kernels {
                                       scalar::residual_factors,
                                       scalar::nearest_point,
                                       scalar::nearest_points,
+                                      scalar::nearest_segments,
                                       scalar::see_points,
                                       scalar::multiply_wide,
                                       scalar::add_wide,
