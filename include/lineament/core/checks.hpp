@@ -49,6 +49,9 @@ inline void require(bool condition, const char* function, const char* parameter,
 template <typename Derived>
 void require_finite(const Eigen::DenseBase<Derived>& values, const char* function, const char* parameter)
 {
+    if (std::isfinite(static_cast<double>(values.sum()))) { // at once what is almost always so
+        return;
+    }
     for (Eigen::Index column = 0; column < values.cols(); ++column) {
         for (Eigen::Index row = 0; row < values.rows(); ++row) {
             const double value = static_cast<double>(values.derived().coeff(row, column));
@@ -64,7 +67,9 @@ void require_finite(const Eigen::DenseBase<Derived>& values, const char* functio
 /// @throws InvalidArgument unless `size` is `expected`.
 inline void require_size(Eigen::Index size, Eigen::Index expected, const char* function, const char* parameter)
 {
-    require(size == expected, function, parameter, "size " + std::to_string(expected), std::to_string(size));
+    if (size != expected) { // no words before they are needed
+        throw InvalidArgument(function, parameter, "size " + std::to_string(expected), std::to_string(size));
+    }
 }
 
 } // namespace lineament

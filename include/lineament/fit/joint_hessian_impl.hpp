@@ -118,28 +118,32 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
     by_point *= own_scale;
     kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, by_psi,
                             expression_width);
-    const int end = width - shape_width;
+    const int first_psi = shape_width + static_cast<int>(own - others), num_psi = static_cast<int>(camera - own);
     for (int i = 0; i < num_points; ++i) {
-        float* first = rows + 2 * i * width + shape_width;
-        float* second = first + width;
-        const int of_point = 2 * i * expression_width - static_cast<int>(num_shared());
-        const auto derivative = [&](int column) { return static_cast<float>(terms.derivatives(i, column)); };
-        int c = 0;
-        if (others != own) { // phi
-            first[c] = derivative(18);
-            second[c++] = derivative(19);
+        float* first = rows + 2 * i * width + first_psi;
+        const float* of_point = by_psi + 2 * i * expression_width - num_shared();
+        for (int k = 0; k < num_psi; ++k) {
+            first[k] = of_point[own[k]];
+            first[width + k] = of_point[expression_width + own[k]];
         }
-        for (auto unknown = own; unknown != camera; ++unknown, ++c) {
-            first[c] = by_psi[of_point + *unknown];
-            second[c] = by_psi[of_point + expression_width + *unknown];
+        std::fill(first + num_psi, rows + (2 * i + 1) * width, 0.0f);
+        std::fill(first + width + num_psi, rows + (2 * i + 2) * width, 0.0f);
+    }
+    const auto set_derivative = [&](int column, int of_first, int of_second) {
+        const double* first = terms.derivatives.data() + of_first * num_points;
+        const double* second = terms.derivatives.data() + of_second * num_points;
+        float* to = rows + column;
+        for (int i = 0; i < num_points; ++i, to += 2 * width) {
+            to[0] = static_cast<float>(first[i]);
+            to[width] = static_cast<float>(second[i]);
         }
-        for (auto unknown = camera; unknown != unknowns.end(); ++unknown, ++c) {
-            first[c] = derivative(6 + *unknown - camera_begin);
-            second[c] = derivative(12 + *unknown - camera_begin);
-        }
-        for (; c < end; ++c) {
-            first[c] = second[c] = 0;
-        }
+    };
+    if (others != own) { // phi
+        set_derivative(shape_width, 18, 19);
+    }
+    for (auto unknown = camera; unknown != unknowns.end(); ++unknown) {
+        const int k = *unknown - camera_begin;
+        set_derivative(first_psi + num_psi + static_cast<int>(unknown - camera), 6 + k, 12 + k);
     }
     float* sums = room_for(system.gram, static_cast<Eigen::Index>(width) * width);
     std::fill_n(sums, width * width, 0.0f);

@@ -116,8 +116,10 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::begin(const JointContext& context, 
     covariances_px_ = covariances_px;
     view_ = ContourView::frontal;
     set_use_of_landmarks(base(), landmarks, function, use_);
-    require(covariances_px.empty() || covariances_px.size() == landmarks.landmarks.size(), function, "covariances_px",
-            "none, or one for each landmark", std::to_string(covariances_px.size()));
+    if (!covariances_px.empty() && covariances_px.size() != landmarks.landmarks.size()) {
+        throw InvalidArgument(function, "covariances_px", "none, or one for each landmark",
+                              std::to_string(covariances_px.size()));
+    }
     for (std::size_t l = 0; l < covariances_px.size(); ++l) {
         require_covariance(covariances_px[l], function,
                            "landmark \"" + landmarks.landmarks[l].name + "\".covariance_px");
@@ -197,17 +199,17 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_fixed_points(JointImage& image)
 LINEAMENT_FIT_INLINE void JointImageMatcher::set_start_weights(Eigen::VectorXd& weights) const
 {
     const Eigen::VectorXf* stated = base().landmark_noise_mm();
+    const double own_variance = std::pow(options().landmark_sigma_mm, 2) + std::pow(options().bias_sigma_mm, 2);
+    const bool has_names = !options().covariances_mm.empty();
     weights.resize(static_cast<Eigen::Index>(use_.fixed.size()));
     for (std::size_t i = 0; i < use_.fixed.size(); ++i) {
         const int l = use_.fixed[i];
-        const auto named = options().covariances_mm.find(landmark(l).name);
-        double variance = std::pow(options().landmark_sigma_mm, 2) + std::pow(options().bias_sigma_mm, 2);
+        double variance = stated != nullptr ? std::pow((*stated)[use_.map_indices[l]], 2) : own_variance;
         if (!covariances_px_.empty()) {
             variance = covariances_px_[l].trace() / 2;
-        } else if (named != options().covariances_mm.end()) {
-            variance = named->second.trace() / 2;
-        } else if (stated != nullptr) {
-            variance = std::pow((*stated)[use_.map_indices[l]], 2);
+        } else if (has_names) {
+            const auto named = options().covariances_mm.find(landmark(l).name);
+            variance = named != options().covariances_mm.end() ? named->second.trace() / 2 : variance;
         }
         weights[static_cast<Eigen::Index>(i)] = landmark(l).confidence / variance;
     }

@@ -11,6 +11,7 @@
 #include "lineament/fit/joint_fit.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -43,10 +44,13 @@ inline void JointFit::set_unfitted(const Image& image, FitResult& result) const
     const std::vector<Landmark>& landmarks = image.landmarks->landmarks;
     result.landmarks.resize(landmarks.size());
     for (std::size_t l = 0; l < landmarks.size(); ++l) {
-        result.landmarks[l].name = landmarks[l].name;
-        result.landmarks[l].point_px = landmarks[l].point_px;
-        result.landmarks[l].fitted_px = landmarks[l].point_px;
-        result.landmarks[l].weight = 0.0;
+        FittedLandmark& landmark = result.landmarks[l];
+        if (!is_same_name(landmark.name, landmarks[l].name)) {
+            landmark.name = landmarks[l].name;
+        }
+        landmark.point_px = landmarks[l].point_px;
+        landmark.fitted_px = landmarks[l].point_px;
+        landmark.weight = 0.0;
     }
 }
 
@@ -89,6 +93,8 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
         seen.points.evaluate(context_->kernels, state_.alpha, shown_.psi[f], products_, points_);
     }
     double sum = 0;
+    const std::array<double, 2> largest_weights{robust_weight(options().loss, 0.0, 1),
+                                                robust_weight(options().loss, 0.0, 2)};
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         const JointPoint& used = seen.used[i];
         const Eigen::Index column = static_cast<Eigen::Index>(i);
@@ -97,7 +103,7 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
         landmark.fitted_px = result.camera.project(Eigen::Vector3d(points_.col(column)));
         landmark.weight = image.landmarks->landmarks[static_cast<std::size_t>(used.landmark_index)].confidence *
                           robust_weight(options().loss, squared, used.num_dimensions) /
-                          robust_weight(options().loss, 0.0, used.num_dimensions);
+                          largest_weights[static_cast<std::size_t>(used.num_dimensions - 1)];
         result.chi_square += squared;
         sum += (landmark.fitted_px - landmark.point_px).squaredNorm();
     }

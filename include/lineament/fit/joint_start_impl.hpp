@@ -43,11 +43,11 @@ inline constexpr Eigen::Index min_points_for_wild_ones = 12;
         return true;
     }
     double largest = 0;
-    squared_distances.clear();
+    squared_distances.resize(static_cast<std::size_t>(points.cols()));
     for (Eigen::Index i = 0; i < points.cols(); ++i) {
         const double squared =
             (pose.camera.project(Eigen::Vector3d(points.col(i))) - image_points.col(i)).squaredNorm();
-        squared_distances.push_back(squared);
+        squared_distances[static_cast<std::size_t>(i)] = squared;
         largest = std::max(largest, squared);
     }
     const auto num_near = std::count_if(squared_distances.begin(), squared_distances.end(),

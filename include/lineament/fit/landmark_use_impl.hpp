@@ -11,6 +11,20 @@
 
 namespace lineament::detail {
 
+/// Names of landmarks are a few letters, for which a call to compare memory takes longer than this.
+[[nodiscard]] inline bool is_same_name(const std::string& a, const std::string& b)
+{
+    if (a.size() != b.size()) {
+        return false;
+    }
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        if (a[i] != b[i]) {
+            return false;
+        }
+    }
+    return true;
+}
+
 /// What a fit does with the landmarks of a set, as positions in it.
 struct LandmarkUse
 {
@@ -64,7 +78,8 @@ inline void set_use_of_landmarks(const FaceFitter& fitter, const LandmarkSet& la
     for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
         const Landmark& landmark = landmarks.landmarks[l];
         require_usable(landmark, function);
-        const bool is_in_order = l < map.names.size() && map.names[l] == landmark.name; // no search for hundreds
+        const bool is_in_order =
+            l < map.names.size() && is_same_name(map.names[l], landmark.name); // no search for hundreds
         const int map_index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
         use.map_indices.push_back(map_index);
         if (map_index < 0) {

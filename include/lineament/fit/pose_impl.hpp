@@ -62,13 +62,17 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
         const Eigen::Vector3d in_model = points_in_model.col(i) - mean_in_model;
         const Eigen::Vector2d in_image = image_points.col(i) - mean_in_image;
-        moments += weight(i) / total * in_model * in_model.transpose();
-        cross += weight(i) / total * in_image * in_model.transpose();
+        const Eigen::RowVector3d share = weight(i) / total * in_model.transpose();
+        moments += in_model * share;
+        cross += in_image * share;
     }
 
-    // Extents along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely.
-    const Eigen::Vector3d variances =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly).eigenvalues();
+    // Variances along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely. Where the
+    // determinant says that all are wide, a bound of the largest does.
+    Eigen::Vector3d variances = Eigen::Vector3d::Constant(moments.trace() / 3);
+    if (!(moments.determinant() > 1e-4 * std::pow(moments.trace(), 3))) {
+        variances = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly).eigenvalues();
+    }
     if (!(variances[0] > 1e-4 * variances[2])) {
         const bool is_line = !(variances[1] > 1e-4 * variances[2]);
         const bool is_point = !(variances[2] > 0);

@@ -23,14 +23,15 @@ inline void check_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_mode
                         const Eigen::Vector2d& principal_point_px, const char* function)
 {
     require_size(image_points.cols(), points_in_model.cols(), function, "image_points");
-    require(weights.size() == 0 || weights.size() == points_in_model.cols(), function, "weights",
-            "size 0 or " + std::to_string(points_in_model.cols()), std::to_string(weights.size()));
+    if (weights.size() > 0) {
+        require_size(weights.size(), points_in_model.cols(), function, "weights");
+    }
     require_finite(points_in_model, function, "points_in_model");
     require_finite(image_points, function, "image_points");
     require_finite(weights, function, "weights");
     require_finite(principal_point_px, function, "principal_point_px");
-    if (weights.size() > 0) {
-        require(weights.minCoeff() >= 0, function, "weights", ">= 0", to_text(weights.minCoeff()));
+    if (weights.size() > 0 && !(weights.minCoeff() >= 0)) {
+        throw InvalidArgument(function, "weights", ">= 0", to_text(weights.minCoeff()));
     }
 }
 

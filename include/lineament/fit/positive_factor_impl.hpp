@@ -104,15 +104,21 @@ public:
     /// @param weights  P; empty: 1.
     [[nodiscard]] double inverse_trace(Eigen::Index n, Eigen::Index count, const Eigen::MatrixXd& weights)
     {
-        const auto trace = [&](const auto& root) { // U^-T
-            return weights.size() == 0
-                       ? static_cast<double>(root.squaredNorm())
-                       : (root.template cast<double>() * weights).cwiseProduct(root.template cast<double>()).sum();
+        const auto trace = [&](const auto& root) { // U^-T, 0 above the diagonal
+            if (weights.size() > 0) {
+                const Eigen::MatrixXd leading = root.leftCols(count).template cast<double>();
+                return (leading * weights).cwiseProduct(leading).sum();
+            }
+            double sum = 0;
+            for (Eigen::Index i = 0; i < n; ++i) { // a row at a time: their entries lie side by side
+                sum += static_cast<double>(root.row(i).head(std::min(i + 1, count)).squaredNorm());
+            }
+            return sum;
         };
         if (kernels_ != nullptr && is_single_) {
-            return trace(set_root(n, single_.data(), single_root_, kernels_->invert_factor_float).leftCols(count));
+            return trace(set_root(n, single_.data(), single_root_, kernels_->invert_factor_float));
         }
-        return trace(inverse_root(n).leftCols(count));
+        return trace(inverse_root(n));
     }
 
     /// The inverse of the leading n unknowns' block, in memory of the factor, which the next one takes.
