@@ -102,32 +102,47 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
     const int shape_width = points.identity.width(), expression_width = points.expression.width();
     const int size = static_cast<int>(unknowns.size()), shape_size = static_cast<int>(num_shape());
 
-    // Columns are [all of alpha, filled up | the other unknowns, filled up].
+    // Columns are [all of alpha, filled up | the other unknowns, filled up]. Few expressions are not worth choosing
+    // from.
     const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), shape_size);
     const auto own = std::lower_bound(others, unknowns.end(), static_cast<int>(num_shared()));
     const int camera_begin = static_cast<int>(num_shared() + num_expressions_);
     const auto camera = std::lower_bound(own, unknowns.end(), camera_begin);
     const int num_alpha = static_cast<int>(others - unknowns.begin());
-    const int width = kernels::round_up(shape_width + size - num_alpha, kernels::width_step);
+    const bool has_all_psi = others == own && expression_width <= kernels::double_step;
+    const int num_others = has_all_psi ? static_cast<int>(num_own()) : size - num_alpha;
+    const int width = kernels::round_up(shape_width + num_others, kernels::width_step);
     float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width);
-    float* by_psi = room_for(system.expression_rows, static_cast<Eigen::Index>(num_rows) * expression_width);
     double* jacobians = room_for(system.factors, 3 * num_rows);
     Eigen::Map<Eigen::MatrixXd> by_point(jacobians, 6, num_points);
     by_point = terms.derivatives.leftCols<6>().transpose();
-    kernels->project_points(points.identity.data(), shape_width, num_points, jacobians, rows, width);
+    for (int r = 1; r <= num_rows; ++r) { // what fills them up
+        std::fill_n(rows + r * width - kernels::width_step, kernels::width_step, 0.0f);
+    }
+    if (shape_width > 0) {
+        kernels->project_points(points.identity.data(), shape_width, num_points, jacobians, rows, width);
+    }
     by_point *= own_scale;
-    kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, by_psi,
-                            expression_width);
-    const int first_psi = shape_width + static_cast<int>(own - others), num_psi = static_cast<int>(camera - own);
-    for (int i = 0; i < num_points; ++i) {
-        float* first = rows + 2 * i * width + first_psi;
-        const float* of_point = by_psi + 2 * i * expression_width - num_shared();
-        for (int k = 0; k < num_psi; ++k) {
-            first[k] = of_point[own[k]];
-            first[width + k] = of_point[expression_width + own[k]];
+    const int first_psi = shape_width + static_cast<int>(own - others);
+    if (has_all_psi) {
+        kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, rows + first_psi,
+                                width);
+    } else {
+        float* by_psi = room_for(system.expression_rows, static_cast<Eigen::Index>(num_rows) * expression_width);
+        kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, by_psi,
+                                expression_width);
+        for (int r = 0; r < num_rows; ++r) {
+            float* to = rows + r * width + first_psi;
+            const float* from = by_psi + r * expression_width - num_shared();
+            for (auto unknown = own; unknown != camera; ++unknown) {
+                *to++ = from[*unknown];
+            }
         }
-        std::fill(first + num_psi, rows + (2 * i + 1) * width, 0.0f);
-        std::fill(first + width + num_psi, rows + (2 * i + 2) * width, 0.0f);
+    }
+    std::vector<int>& columns = system.columns; // of the unknowns other than alpha
+    columns.clear();
+    for (auto other = others; other != unknowns.end(); ++other) {
+        columns.push_back(shape_width + (has_all_psi ? *other - shape_size : static_cast<int>(other - others)));
     }
     const auto set_derivative = [&](int column, int of_first, int of_second) {
         const double* first = terms.derivatives.data() + of_first * num_points;
@@ -143,16 +158,17 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
     }
     for (auto unknown = camera; unknown != unknowns.end(); ++unknown) {
         const int k = *unknown - camera_begin;
-        set_derivative(first_psi + num_psi + static_cast<int>(unknown - camera), 6 + k, 12 + k);
+        set_derivative(columns[static_cast<std::size_t>(unknown - others)], 6 + k, 12 + k);
     }
     float* sums = room_for(system.gram, static_cast<Eigen::Index>(width) * width);
     std::fill_n(sums, width * width, 0.0f);
-    kernels->add_gram(rows, num_rows, width, sums);
+    kernels->add_leading_gram(rows, num_rows, shape_width + num_others, width, sums);
 
     // The upper triangle's rows are the lower one's columns.
     for (int j = 0; j < size; ++j) {
-        const float* row =
-            sums + width * (j < num_alpha ? unknowns[static_cast<std::size_t>(j)] : shape_width + j - num_alpha);
+        const int column =
+            j < num_alpha ? unknowns[static_cast<std::size_t>(j)] : columns[static_cast<std::size_t>(j - num_alpha)];
+        const float* row = sums + width * column;
         double* to = gram.data() + j * size;
         if (num_alpha == shape_size && j < num_alpha) {
             std::copy(row + j, row + num_alpha, to + j);
@@ -160,8 +176,9 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
         for (int i = j; i < num_alpha && num_alpha < shape_size; ++i) { // some are held
             to[i] = row[unknowns[static_cast<std::size_t>(i)]];
         }
-        const int begin = std::max(j, num_alpha);
-        std::copy(row + shape_width + begin - num_alpha, row + shape_width + size - num_alpha, to + begin);
+        for (int i = std::max(j - num_alpha, 0); i < size - num_alpha; ++i) {
+            to[num_alpha + i] = row[columns[static_cast<std::size_t>(i)]];
+        }
     }
 }
 
@@ -202,9 +219,9 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
     }
     for (Eigen::Index i = num_alpha; i < size; ++i) {
         if (system.unknowns[i] < num_shared()) {
-            system.hessian(i, i) += std::pow(*options_->phi_sigma_per_mm, -2);
+            system.hessian(i, i) += inverse_square(*options_->phi_sigma_per_mm);
         } else if (!is_camera(system.unknowns[i])) {
-            system.hessian(i, i) += std::pow(options_->expression_sigma, -2);
+            system.hessian(i, i) += inverse_square(options_->expression_sigma);
         }
     }
     if (state.bias.size() > 0) {

@@ -199,12 +199,14 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_fixed_points(JointImage& image)
 LINEAMENT_FIT_INLINE void JointImageMatcher::set_start_weights(Eigen::VectorXd& weights) const
 {
     const Eigen::VectorXf* stated = base().landmark_noise_mm();
-    const double own_variance = std::pow(options().landmark_sigma_mm, 2) + std::pow(options().bias_sigma_mm, 2);
+    const double own_variance =
+        options().landmark_sigma_mm * options().landmark_sigma_mm + options().bias_sigma_mm * options().bias_sigma_mm;
     const bool has_names = !options().covariances_mm.empty();
     weights.resize(static_cast<Eigen::Index>(use_.fixed.size()));
     for (std::size_t i = 0; i < use_.fixed.size(); ++i) {
         const int l = use_.fixed[i];
-        double variance = stated != nullptr ? std::pow((*stated)[use_.map_indices[l]], 2) : own_variance;
+        const double sigma = stated != nullptr ? (*stated)[use_.map_indices[l]] : 0.0;
+        double variance = stated != nullptr ? sigma * sigma : own_variance;
         if (!covariances_px_.empty()) {
             variance = covariances_px_[l].trace() / 2;
         } else if (has_names) {
@@ -335,6 +337,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     const bool has_own_noise = !covariances_px_.empty() || !options().covariances_mm.empty();
     double last_variance = -1;
     Eigen::RowVector3d root; // of the last one
+    Eigen::Matrix2d across;  // likewise
     const Eigen::VectorXf* stated = base().landmark_noise_mm();
     for (const int l : use_.fixed) {
         const int map_index = use_.map_indices[l];
@@ -342,8 +345,8 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
             options().contour == ContourMode::fixed && base().outline_sides()[static_cast<std::size_t>(map_index)];
         const double sigma_mm = is_outline ? options().contour_sigma_mm : options().landmark_sigma_mm;
         const Eigen::Vector3d bias_variances = bias_variances_mm(options(), stated, map_index);
-        const double variance =
-            stated != nullptr ? std::pow((*stated)[map_index], 2) - bias_variances.x() : sigma_mm * sigma_mm;
+        const double stated_mm = stated != nullptr ? (*stated)[map_index] : 0.0;
+        const double variance = stated != nullptr ? stated_mm * stated_mm - bias_variances.x() : sigma_mm * sigma_mm;
         if (has_own_noise || variance != last_variance) { // the variance of the bias goes with it
             root = root_of_inverse(covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
             last_variance = variance;
@@ -357,9 +360,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
         image.image_points.col(i) = landmark(match.landmark_index).point_px;
         const Eigen::Vector2d tangent(-match.normal.y(), match.normal.x());
         const double along_px = noise.scale_px_per_mm * options().contour_along_sigma_mm;
-        const Eigen::Matrix2d across = covariance_px(
-            match.landmark_index, options().contour_sigma_mm * options().contour_sigma_mm,
-            Eigen::Vector3d::Constant(options().bias_sigma_mm * options().bias_sigma_mm), camera, noise, false);
+        if (m == 0 || has_own_noise) {
+            across = covariance_px(match.landmark_index, options().contour_sigma_mm * options().contour_sigma_mm,
+                                   Eigen::Vector3d::Constant(options().bias_sigma_mm * options().bias_sigma_mm), camera,
+                                   noise, false);
+        }
         add(match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
             root_of_inverse(across + along_px * along_px * tangent * tangent.transpose()));
     }

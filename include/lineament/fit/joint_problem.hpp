@@ -104,7 +104,7 @@ struct JointSystem
 
     // Kept for their room:
     std::vector<PointTerms> terms = {}; ///< Of each image.
-    std::vector<int> free = {};
+    std::vector<int> free = {}, columns = {};
     AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {};
     AlignedBuffer<double> factors = {}, sums = {};
 };
@@ -112,6 +112,11 @@ struct JointSystem
 /// A round may change a scale by this factor at most: where no face explains the landmarks the energy has no minimum
 /// and falls with the scale, without end. Of 10^4 faces the last round changed none by more than a tenth.
 inline constexpr double max_scale_change = 2.0;
+
+[[nodiscard]] inline double inverse_square(double value)
+{
+    return 1 / (value * value);
+}
 
 /// Energy (7) of a round, its derivatives and its moves.
 class JointProblem

@@ -100,7 +100,7 @@ LINEAMENT_FIT_INLINE double JointProblem::prior_energy(const JointState& state) 
         energy += (psi / options_->expression_sigma).squaredNorm();
     }
     if (has_phi()) {
-        energy += std::pow(state.phi_per_mm / *options_->phi_sigma_per_mm, 2);
+        energy += state.phi_per_mm * state.phi_per_mm * inverse_square(*options_->phi_sigma_per_mm);
     }
     if (state.bias.size() > 0) {
         energy += state.bias.cwiseAbs2().cwiseQuotient(bias_variances_mm).sum();
@@ -228,7 +228,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, co
         add_gradient(f, state, system);
         system.gradient[camera_begin(f) + 3] += images[f].scale_strength;
         system.gradient.segment(own_begin(f), num_expressions_) +=
-            std::pow(options_->expression_sigma, -2) * state.psi[f];
+            inverse_square(options_->expression_sigma) * state.psi[f];
     }
     if (prior_->matrix.size() == 0) {
         system.gradient.head(num_shape()) += state.alpha - prior_->vector;
@@ -236,7 +236,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, co
         system.gradient.head(num_shape()) += prior_->matrix * state.alpha - prior_->vector;
     }
     if (has_phi()) {
-        system.gradient[num_shape()] += std::pow(*options_->phi_sigma_per_mm, -2) * state.phi_per_mm;
+        system.gradient[num_shape()] += inverse_square(*options_->phi_sigma_per_mm) * state.phi_per_mm;
     }
     if (state.bias.cols() > 0) {
         system.bias_gradient += state.bias.cwiseQuotient(bias_variances_mm);

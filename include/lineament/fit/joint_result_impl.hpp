@@ -93,8 +93,8 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
         seen.points.evaluate(context_->kernels, state_.alpha, shown_.psi[f], products_, points_);
     }
     double sum = 0;
-    const std::array<double, 2> largest_weights{robust_weight(options().loss, 0.0, 1),
-                                                robust_weight(options().loss, 0.0, 2)};
+    const std::array<double, 2> unit_weights{1 / robust_weight(options().loss, 0.0, 1), // of one and of two dimensions
+                                             1 / robust_weight(options().loss, 0.0, 2)};
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
         const JointPoint& used = seen.used[i];
         const Eigen::Index column = static_cast<Eigen::Index>(i);
@@ -102,8 +102,8 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
         const double squared = scratch_.placed[f].squared_residual(column);
         landmark.fitted_px = result.camera.project(Eigen::Vector3d(points_.col(column)));
         landmark.weight = image.landmarks->landmarks[static_cast<std::size_t>(used.landmark_index)].confidence *
-                          robust_weight(options().loss, squared, used.num_dimensions) /
-                          largest_weights[static_cast<std::size_t>(used.num_dimensions - 1)];
+                          robust_weight(options().loss, squared, used.num_dimensions) *
+                          unit_weights[static_cast<std::size_t>(used.num_dimensions - 1)];
         result.chi_square += squared;
         sum += (landmark.fitted_px - landmark.point_px).squaredNorm();
     }

@@ -44,11 +44,12 @@ struct LandmarkUse
 inline void require_usable(const Landmark& landmark, const char* function)
 {
     const double depth_px = landmark.depth_px.value_or(0.0);
-    const double largest_px = landmark.point_px.cwiseAbs().maxCoeff();
-    if (landmark.point_px.allFinite() && largest_px <= max_coordinate_px && std::abs(depth_px) <= max_coordinate_px &&
+    const auto is_near = [](double px) { return std::abs(px) <= max_coordinate_px; }; // so it is finite
+    if (is_near(landmark.point_px.x()) && is_near(landmark.point_px.y()) && is_near(depth_px) &&
         landmark.confidence >= 0 && landmark.confidence <= 1) {
         return; // no words for hundreds of good ones
     }
+    const double largest_px = landmark.point_px.cwiseAbs().maxCoeff();
     const std::string place = "landmark \"" + landmark.name + "\"";
     require_finite(landmark.point_px, function, place.c_str());
     require(landmark.confidence >= 0 && landmark.confidence <= 1, function, (place + ".confidence").c_str(), "0 to 1",

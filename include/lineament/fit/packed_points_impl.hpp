@@ -80,6 +80,10 @@ public:
                   AlignedBuffer<double>& padded, RoomyMatrix<Eigen::Matrix3Xd>& products) const
     {
         products.resize(3, num_points);
+        if (width_ == 0) {
+            products.setZero();
+            return;
+        }
         if (kernels == nullptr) {
             Eigen::Map<Eigen::VectorXd>(products.data(), products.size()).noalias() =
                 leading(num_points).cast<double>().transpose() * x;

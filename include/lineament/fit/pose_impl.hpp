@@ -42,13 +42,23 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     result.camera.principal_point_px = principal_point_px;
     Eigen::Index num_used = 0;
     double total = 0;
+    // Weighted means, and means of products: of the model points, and of the image points with these; all of offsets
+    // from the first pair, so that nothing is lost where the means are taken off.
     Eigen::Vector3d mean_in_model = Eigen::Vector3d::Zero();
     Eigen::Vector2d mean_in_image = Eigen::Vector2d::Zero();
+    Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
+    Eigen::Matrix<double, 2, 3> cross = Eigen::Matrix<double, 2, 3>::Zero();
     for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
-        num_used += weight(i) > 0;
-        total += weight(i);
-        mean_in_model += weight(i) * points_in_model.col(i);
-        mean_in_image += weight(i) * image_points.col(i);
+        const double of_pair = weight(i);
+        const Eigen::Vector3d in_model = points_in_model.col(i) - points_in_model.col(0);
+        const Eigen::Vector2d in_image = image_points.col(i) - image_points.col(0);
+        const Eigen::Vector3d weighted = of_pair * in_model;
+        num_used += of_pair > 0;
+        total += of_pair;
+        mean_in_model += weighted;
+        mean_in_image += of_pair * in_image;
+        moments += in_model * weighted.transpose();
+        cross += in_image * weighted.transpose();
     }
     if (num_used < 4) {
         result.status = FitStatus::too_few_correspondences;
@@ -57,15 +67,10 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     }
     mean_in_model /= total;
     mean_in_image /= total;
-    Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();                       // of the model points about their mean
-    Eigen::Matrix<double, 2, 3> cross = Eigen::Matrix<double, 2, 3>::Zero(); // of the image points with these
-    for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
-        const Eigen::Vector3d in_model = points_in_model.col(i) - mean_in_model;
-        const Eigen::Vector2d in_image = image_points.col(i) - mean_in_image;
-        const Eigen::RowVector3d share = weight(i) / total * in_model.transpose();
-        moments += in_model * share;
-        cross += in_image * share;
-    }
+    moments = Eigen::Matrix3d(moments / total - mean_in_model * mean_in_model.transpose());
+    cross = Eigen::Matrix<double, 2, 3>(cross / total - mean_in_image * mean_in_model.transpose());
+    mean_in_model += points_in_model.col(0);
+    mean_in_image += image_points.col(0);
 
     // Variances along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely. Where the
     // determinant says that all are wide, a bound of the largest does.
@@ -82,7 +87,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
         return result;
     }
 
-    Eigen::Matrix<double, 2, 3> affine = moments.ldlt().solve(cross.transpose()).transpose();
+    Eigen::Matrix<double, 2, 3> affine = cross * moments.inverse();
     const Eigen::Vector2d row_scales = affine.rowwise().norm();
     const double rounding_px = 1e-12 * (1 + image_points.cwiseAbs().maxCoeff());
     if (!(row_scales.minCoeff() * std::sqrt(variances[2]) > rounding_px) ||

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 namespace lineament {
 
@@ -45,7 +46,7 @@ public:
             sum_ += robust_loss(loss_, squared_residual, num_dimensions);
             return;
         }
-        double& product = products_[num_dimensions - 1];
+        double& product = products_[count_++ % num_chains][num_dimensions - 1];
         product *= ratio;
         if (product > largest_factor) {
             sum_ += (student_t_degrees + num_dimensions) * std::log(product);
@@ -54,16 +55,25 @@ public:
     }
     [[nodiscard]] double sum() const
     {
-        return sum_ + (student_t_degrees + 1) * std::log(products_[0]) +
-               (student_t_degrees + 2) * std::log(products_[1]);
+        double sum = sum_;
+        for (int d = 0; d < 2; ++d) {
+            double product = 1;
+            for (const auto& chain : products_) {
+                product *= chain[d];
+            }
+            sum += (student_t_degrees + d + 1) * std::log(product);
+        }
+        return sum;
     }
 
 private:
-    static constexpr double largest_factor = 1e150; ///< The product of two is a number.
+    static constexpr std::size_t num_chains = 4;   ///< So that none waits for the last product.
+    static constexpr double largest_factor = 1e70; ///< The product of all chains is a number.
 
     RobustLoss loss_;
     double sum_ = 0;
-    double products_[2] = {1, 1}; ///< Of residuals of one and of two dimensions.
+    std::size_t count_ = 0;
+    double products_[num_chains][2] = {{1, 1}, {1, 1}, {1, 1}, {1, 1}}; ///< Of residuals of one and of two dimensions.
 };
 
 /// What a residual says of the unknowns, and how hard it pulls.
