@@ -115,6 +115,12 @@ public:
         return shape_error_mm(model_.shape.instance(alpha), model_.shape.instance(truth), alignment_scale);
     }
 
+    /// Mean length, over the face's vertices, of what expression coefficients move them by [mm].
+    [[nodiscard]] double displacement_mm(const Eigen::VectorXd& psi, const std::string& expression_set) const
+    {
+        return face_of(model_.find_expression_set(expression_set)->displacement(psi)).colwise().norm().mean();
+    }
+
     [[nodiscard]] Eigen::VectorXf shape_of(const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
                                            const std::string& expression_set = "ekman6") const
     {

@@ -16,6 +16,7 @@
 #include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -358,6 +359,90 @@ void matching_rounds(int num_subjects)
     }
 }
 
+/// Of frames of a known identity, means over the frames of a subject.
+struct FrameErrors
+{
+    Mean expression_mm, rotation_deg;
+    double largest = 0; ///< Of all coefficients.
+    int num_success = 0, num_fits = 0;
+
+    void add(const Subject& subject, const std::vector<FitResult>& frames, const std::string& expression_set)
+    {
+        double expression_sum = 0, rotation_sum = 0;
+        for (std::size_t f = 0; f < frames.size(); ++f) {
+            const Eigen::VectorXd difference = frames[f].expression_coefficients - subject.psi[f];
+            expression_sum += planted->displacement_mm(difference, expression_set);
+            rotation_sum += degrees(Eigen::AngleAxisd(Eigen::Matrix3d(frames[f].camera.camera_from_model *
+                                                                      subject.cameras[f].camera_from_model.transpose()))
+                                        .angle());
+            largest = std::max(largest, frames[f].expression_coefficients.maxCoeff());
+            num_success += frames[f].status == FitStatus::success;
+            ++num_fits;
+        }
+        expression_mm.add(expression_sum / static_cast<double>(frames.size()));
+        rotation_deg.add(rotation_sum / static_cast<double>(frames.size()));
+    }
+    void print(const std::string& setting, const char* method) const
+    {
+        std::printf("| %s | %s | %.3f ± %.3f | %.2f ± %.2f | %.2f | %d / %d |\n", setting.c_str(), method,
+                    expression_mm.mean(), expression_mm.error(), rotation_deg.mean(), rotation_deg.error(), largest,
+                    num_success, num_fits);
+        std::fflush(stdout);
+    }
+};
+
+/// As `lineament track` fits them: one joint identity of all frames, then each frame by either method.
+void print_frames(const std::string& setting, const Protocol& protocol, int num_subjects)
+{
+    JointOptions joint_options;
+    FitOptions thesis_options;
+    joint_options.expression_set = thesis_options.expression_set = protocol.expression_set;
+    const JointFitter joint(model(), "ibug68", joint_options, &kernels::dispatched_kernels());
+    const RealtimeFitter thesis(model(), "ibug68", thesis_options, kernels::dispatched_kernels());
+    RealtimeWorkspace workspace = thesis.make_workspace();
+    FrameErrors of_joint, of_thesis;
+    for (const Subject& subject : draw_subjects(protocol, num_subjects)) {
+        const Eigen::VectorXd identity = joint.fit_frames(subject.images, centre).shape_coefficients;
+        const FrozenIdentity frozen = thesis.freeze(identity);
+        std::vector<FitResult> joint_frames, thesis_frames;
+        for (const LandmarkSet& image : subject.images) {
+            joint_frames.push_back(joint.fit_pose_and_expression(image, centre, identity).fit);
+            thesis.fit_pose_and_expression(image, centre, frozen, workspace, thesis_frames.emplace_back());
+        }
+        of_joint.add(subject, joint_frames, protocol.expression_set);
+        of_thesis.add(subject, thesis_frames, protocol.expression_set);
+    }
+    of_thesis.print(setting, "thesis");
+    of_joint.print(setting, "joint");
+}
+
+void frames_of_known_identity(int num_subjects)
+{
+    std::printf("\nFrames of a known identity, that of ten frames by the joint fit; default options, outline where it "
+                "is seen\n\n"
+                "| expressions, noise | method | expression, mm | rotation, degrees | largest psi | success |\n"
+                "| --- | --- | --- | --- | --- | --- |\n");
+    struct Setting
+    {
+        const char* name;
+        double noise_px, bias_mm, wild_share;
+    };
+    for (const std::string expression_set : {"ekman6", "arkit47"}) {
+        for (const Setting& setting :
+             {Setting{"1.0 px", 1.0, 0, 0}, Setting{"2.8 px", 2.8, 0, 0}, Setting{"2.8 px, bias 2 mm", 2.8, 2, 0},
+              Setting{"2.8 px, bias 2 mm, a tenth wild", 2.8, 2, 0.1}}) {
+            Protocol protocol;
+            protocol.num_images = 10;
+            protocol.noise_px = setting.noise_px;
+            protocol.bias_mm = setting.bias_mm;
+            protocol.wild_share = setting.wild_share;
+            protocol.expression_set = expression_set;
+            protocol.outline = bench::Outline::visible;
+            print_frames(expression_set + ", " + setting.name, protocol, num_subjects);
+        }
+    }
+}
+
 /// 20 to 68 of the landmarks, yaw within 60 degrees, noise of 0 to 2 px: all of it well posed.
 void statuses(int num_fits)
 {
@@ -421,6 +506,7 @@ int main(int argc, char** argv)
         run("intervals", intervals, num_subjects);
         run("sequence", sequence, num_subjects / 4);
         run("rounds", matching_rounds, num_subjects);
+        run("frames", frames_of_known_identity, num_subjects / 4);
         run("status", statuses, 50 * num_subjects);
     } catch (const Error& error) {
         std::fprintf(stderr, "planted_bench: error: %s\n", error.what());

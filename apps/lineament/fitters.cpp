@@ -154,6 +154,7 @@ struct Fitters::Implementation
     ModelOptions options;
     std::map<LandmarkKind, FaceFitter> thesis_fitters = {};
     std::map<LandmarkKind, JointFitter> joint_fitters = {};
+    std::map<LandmarkKind, JointFitter> joint_frame_fitters = {};
     std::map<LandmarkKind, FrameFitter> frame_fitters = {};
 
     std::optional<double> found_focal_px = std::nullopt; ///< Of the last identity.
@@ -188,6 +189,22 @@ struct Fitters::Implementation
                                          ", of each landmark; the option is for landmarks without");
         }
         return kind;
+    }
+
+    /// For frames of a known identity: with the focal length that is known by then.
+    const JointFitter& joint_frames(const LandmarkSet& set)
+    {
+        const LandmarkKind kind = kind_of(set);
+        const auto known = joint_frame_fitters.find(kind);
+        if (known != joint_frame_fitters.end()) {
+            return known->second;
+        }
+        JointOptions fit = joint_options(options, kind);
+        fit.with_covariance = false;
+        fit.focal_length_px = focal_px();
+        fit.phi_sigma_per_mm.reset();
+        return joint_frame_fitters.emplace(kind, JointFitter(*model, kind.scheme, fit, &kernels::dispatched_kernels()))
+            .first->second;
     }
 
     FrameFitter& frame_fitter(const LandmarkSet& set)
@@ -325,6 +342,11 @@ FitResult Fitters::fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d
 FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
                                            const Eigen::VectorXd& shape_coefficients, const FitResult* start)
 {
+    if (implementation_->is_joint()) {
+        return implementation_->joint_frames(landmarks)
+            .fit_pose_and_expression(landmarks, principal_point_px, shape_coefficients, start)
+            .fit;
+    }
     if (implementation_->focal_px()) {
         return implementation_->thesis(landmarks).fit_pose_and_expression(landmarks, principal_point_px,
                                                                           shape_coefficients, start);
@@ -344,7 +366,7 @@ Eigen::VectorXd Fitters::fit_identity(const std::vector<LandmarkSet>& frames, co
     const JointFramesResult fitted =
         implementation_->joint(representative(frames)).fit_frames(frames, principal_point_px);
     if (implementation_->options.fits_focal) {
-        implementation_->thesis_fitters.clear();
+        implementation_->joint_frame_fitters.clear();
         implementation_->found_focal_px.reset();
         for (const JointFitResult& frame : fitted.frames) {
             const Camera& camera = frame.fit.camera;

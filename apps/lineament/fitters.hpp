@@ -52,10 +52,11 @@ public:
     /// coordinates, in model space, the head's size included.
     [[nodiscard]] Eigen::VectorXf vertex_deviations_mm(const Eigen::MatrixXd& shape_covariance) const;
 
-    /// One of many frames by itself; by the thesis's method, in real time where the camera allows it.
+    /// One of many frames by itself; by the thesis's method whichever is chosen, in real time where the camera allows
+    /// it.
     [[nodiscard]] FitResult fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px);
 
-    /// Pose and expression of one of many frames; by the thesis's method, whatever the method of the identity.
+    /// Pose and expression of one of many frames, of a person whose identity is known.
     /// @param start  The result of the frame before, or nullptr.
     [[nodiscard]] FitResult fit_pose_and_expression(const LandmarkSet& landmarks,
                                                     const Eigen::Vector2d& principal_point_px,

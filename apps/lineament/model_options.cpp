@@ -32,8 +32,8 @@ void add_model_options(CLI::App& command, ModelOptions& options)
     command
         .add_option("--method", options.method,
                     "How to fit: joint (one energy for pose, identity and expression, robust, with uncertainties) or "
-                    "thesis (one after the other). Of a video it is the identity's: frames by themselves are "
-                    "fitted in real time, by the steps of thesis.")
+                    "thesis (one after the other). Of a video the identity, then each frame with that identity; "
+                    "which frames the identity is fitted from is found by thesis.")
         ->check(CLI::IsMember({"joint", "thesis"}))
         ->capture_default_str();
     command
@@ -46,7 +46,7 @@ void add_model_options(CLI::App& command, ModelOptions& options)
         ->check(CLI::IsMember({"ignored", "fixed", "front", "both"}))
         ->default_str("both");
     command
-        .add_option("--iterations", options.iterations, "Rounds of outline matches; default: 4 (joint) or 5 (thesis).")
+        .add_option("--iterations", options.iterations, "Rounds of outline matches; default: 3 (joint) or 5 (thesis).")
         ->check(CLI::Range(1, 1000));
     command
         .add_option("--regularization", options.regularization,

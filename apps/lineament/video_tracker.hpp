@@ -42,7 +42,8 @@ struct TrackSummary
 /// Follows one person's face through videos and writes the results.
 ///
 /// First pass: decode, detect or follow, landmarks of every frame. Then one identity from well-spread frames (thesis
-/// 5.1). Second pass: decode again, pose and expression of every frame for that identity, overlay, texture (5.4).
+/// 5.1). Second pass: decode again, pose and expression of every frame for that identity, each from the last one's
+/// where the face was seen there, overlay, texture (5.4).
 class VideoTracker
 {
 public:

@@ -92,7 +92,7 @@ std::string expression_section(const TrackReport& report, const TrackReportFace&
                    html::image_address(html::expression_heat_map(series, 900), 1 << 20) + "\"></div></div>" +
                    "<p class=\"note\">From left to right the whole video, " + number(series.time_s.front(), 1) +
                    " to " + number(series.time_s.back(), 1) +
-                   " s. The stronger the colour, the larger the value, up to 1; grey: face not found.</p>";
+                   " s. The stronger the colour, the larger the value, full from 1 on; grey: face not found.</p>";
     }
     if (!face.unobservable_expressions.empty()) {
         std::string names;

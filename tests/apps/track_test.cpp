@@ -6,6 +6,7 @@
 #include "apps/terminal.hpp"
 #include "apps/turning_clip.hpp"
 
+#include "lineament/camera/angles.hpp"
 #include "lineament/fit/face_fitter.hpp"
 #include "lineament/fit/frame_selection.hpp"
 #include "lineament/fit/joint_fitter.hpp"
@@ -16,6 +17,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <charconv>
 #include <map>
 #include <set>
@@ -182,8 +184,8 @@ std::vector<LandmarkSet> landmarks_of_clip(const std::string& path)
 }
 
 /// Those that JointFitter calls unobservable in every frame that an identity is fitted from.
-std::set<std::string> unobservable_in_all(const std::vector<LandmarkSet>& frames, const std::string& expression_set,
-                                          const Eigen::VectorXd& shape_coefficients)
+std::set<std::string> unobservable_in_all(const std::vector<LandmarkSet>& frames, const std::string& method,
+                                          const std::string& expression_set, const Eigen::VectorXd& shape_coefficients)
 {
     const MorphableModel model = load_model(default_model_path());
     FitOptions options;
@@ -201,7 +203,8 @@ std::set<std::string> unobservable_in_all(const std::vector<LandmarkSet>& frames
     std::map<std::string, std::size_t> num_hidden;
     for (const int i : chosen) {
         const LandmarkSet& frame = frames[static_cast<std::size_t>(i)];
-        const FitResult fit = fitter.fit_pose_and_expression(frame, center, shape_coefficients);
+        const FitResult fit = method == "joint" ? joint.fit_pose_and_expression(frame, center, shape_coefficients).fit
+                                                : fitter.fit_pose_and_expression(frame, center, shape_coefficients);
         for (const std::string& name : joint.unobservable_expressions(frame, fit)) {
             ++num_hidden[name];
         }
@@ -231,7 +234,7 @@ TEST(Track, NamesTheExpressionsThatNoFrameTells)
             const auto names = face["unobservable_expressions"].get<std::set<std::string>>();
             if (set != "none") {
                 const Eigen::Map<const Eigen::VectorXd> shape(alpha.data(), static_cast<Eigen::Index>(alpha.size()));
-                EXPECT_EQ(names, unobservable_in_all(frames, set, shape)) << arguments;
+                EXPECT_EQ(names, unobservable_in_all(frames, method, set, shape)) << arguments;
             }
             EXPECT_EQ(names.count("mouthDimpleLeft"), set == "arkit47" ? 1U : 0U) << arguments;
             EXPECT_EQ(names.count("jawOpen"), 0U) << arguments;
@@ -240,6 +243,156 @@ TEST(Track, NamesTheExpressionsThatNoFrameTells)
             EXPECT_EQ(page.find("Not observable: ") == std::string::npos, names.empty()) << arguments;
         }
     }
+}
+
+std::vector<std::string> names_of_expressions(const std::string& set)
+{
+    return load_model(default_model_path()).find_expression_set(set)->names;
+}
+
+Eigen::VectorXd expressions_of(const std::map<std::string, std::string>& row, const std::vector<std::string>& names)
+{
+    Eigen::VectorXd values(static_cast<Eigen::Index>(names.size()));
+    std::transform(names.begin(), names.end(), values.begin(),
+                   [&](const std::string& name) { return number(row.at(name)); });
+    return values;
+}
+
+/// @param fit_frame  From landmarks and the last frame's result, nullptr where that shows no face, to a result.
+template <typename FitFrame>
+void expect_frames(const fs::path& folder, const std::vector<LandmarkSet>& landmarks, const std::string& expression_set,
+                   const FitFrame& fit_frame)
+{
+    const std::vector<std::string> names = names_of_expressions(expression_set);
+    std::optional<FitResult> last;
+    std::size_t next = 0;
+    for (const std::map<std::string, std::string>& row : read_rows(folder / "frames.csv")) {
+        if (row.at("face").empty()) {
+            last.reset();
+            continue;
+        }
+        ASSERT_LT(next, landmarks.size());
+        last = fit_frame(landmarks[next++], last ? &*last : nullptr);
+        const std::string where = "frame " + row.at("frame");
+        const HeadAngles angles = angles_from_rotation(last->camera.camera_from_model);
+        EXPECT_THAT(expressions_of(row, names), test::IsNear(last->expression_coefficients, 2e-3)) << where;
+        EXPECT_NEAR(number(row.at("yaw_deg")), degrees(angles.yaw), 0.01) << where;
+        EXPECT_NEAR(number(row.at("pitch_deg")), degrees(angles.pitch), 0.01) << where;
+        EXPECT_NEAR(number(row.at("rms_px")), last->rms_px, 1e-3) << where;
+        EXPECT_EQ(row.at("z_mm").empty(), last->camera.phi_per_mm == 0.0) << where;
+    }
+    EXPECT_EQ(next, landmarks.size());
+}
+
+/// A way to fit frames, on the command line and in the library.
+struct FrameCase
+{
+    std::string arguments;
+    std::string expression_set = "ekman6";
+    RobustLoss loss = RobustLoss::student_t; ///< Of the joint method.
+    std::optional<double> focal_px = std::nullopt;
+};
+
+/// Runs the program on the clip. @return The identity.
+Eigen::VectorXd track_clip(const test::TemporaryFolder& folder, const std::string& arguments)
+{
+    const Outcome outcome = run(folder, "track clip.mp4 -o out --texture-size 16 " + arguments);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
+    const json face = json::parse(read_all(folder / "out/clip/track.json"))["faces"][0];
+    const auto alpha = face["shape_coefficients"].get<std::vector<double>>();
+    return Eigen::Map<const Eigen::VectorXd>(alpha.data(), static_cast<Eigen::Index>(alpha.size()));
+}
+
+TEST(Track, FramesOfTheJointMethodAreJointFitsEachFromTheLast)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4");
+    const std::vector<LandmarkSet> landmarks = landmarks_of_clip(folder / "clip.mp4");
+    const MorphableModel model = load_model(default_model_path());
+    for (const FrameCase& how :
+         {FrameCase{""}, FrameCase{"--loss none --expressions arkit47", "arkit47", RobustLoss::none},
+          FrameCase{"--focal 900", "ekman6", RobustLoss::student_t, 900.0}}) {
+        const Eigen::VectorXd identity = track_clip(folder, how.arguments);
+        JointOptions options;
+        options.expression_set = how.expression_set;
+        options.loss = how.loss;
+        options.focal_length_px = how.focal_px;
+        const JointFitter fitter(model, "mediapipe478", options);
+        SCOPED_TRACE(how.arguments);
+        expect_frames(folder / "out/clip", landmarks, how.expression_set,
+                      [&](const LandmarkSet& seen, const FitResult* last) {
+                          return fitter.fit_pose_and_expression(seen, {240, 180}, identity, last).fit;
+                      });
+    }
+}
+
+TEST(Track, FramesOfTheThesisMethodAreItsFitsEachFromTheLast)
+{
+    const test::TemporaryFolder folder;
+    save_turning_clip(folder / "clip.mp4");
+    const std::vector<LandmarkSet> landmarks = landmarks_of_clip(folder / "clip.mp4");
+    const MorphableModel model = load_model(default_model_path());
+    for (const FrameCase& how : {FrameCase{""}, FrameCase{"--expressions arkit47", "arkit47"},
+                                 FrameCase{"--focal 900", "ekman6", RobustLoss::student_t, 900.0}}) {
+        const Eigen::VectorXd identity = track_clip(folder, "--method thesis " + how.arguments);
+        FitOptions options;
+        options.expression_set = how.expression_set;
+        options.focal_length_px = how.focal_px;
+        const FaceFitter fitter(model, "mediapipe478", options);
+        SCOPED_TRACE(how.arguments);
+        expect_frames(folder / "out/clip", landmarks, how.expression_set,
+                      [&](const LandmarkSet& seen, const FitResult* last) {
+                          return fitter.fit_pose_and_expression(seen, {240, 180}, identity, last);
+                      });
+    }
+}
+
+bool hides_the_mouth(int frame)
+{
+    return frame >= 6 && frame < 9;
+}
+
+/// The person turns the head; a bar before the mouth hides it in some frames, if it is to.
+void save_clip_with_bar(const std::string& path, bool has_bar)
+{
+    const test::RenderedPerson person(5);
+    VideoWriter writer(path);
+    for (int i = 0; i < 12; ++i) {
+        ImageU8 picture = person.picture(planted_yaw_deg(i + 16), 480, 360);
+        for (int y = 200; y < 260 && has_bar && hides_the_mouth(i); ++y) {
+            std::fill_n(picture.pixel(150, y), 3 * 200, std::uint8_t{60});
+        }
+        writer.write(picture, i / frame_rate);
+    }
+    writer.finish();
+}
+
+TEST(Track, WildPointsPullJointFramesLess)
+{
+    const test::TemporaryFolder folder;
+    const std::vector<std::string> names = names_of_expressions("arkit47");
+    std::map<std::string, double> largest;   // of all values
+    std::map<std::string, double> mean_pull; // of the bar, on the values of the frames with it
+    for (const std::string method : {"joint", "thesis"}) {
+        std::vector<std::vector<std::map<std::string, std::string>>> rows;
+        for (const bool has_bar : {false, true}) {
+            save_clip_with_bar(folder / "clip.mp4", has_bar);
+            (void)track_clip(folder, "--expressions arkit47 --method " + method);
+            rows.push_back(read_rows(folder / "out/clip/frames.csv"));
+            ASSERT_EQ(rows.back().size(), 12U);
+        }
+        for (std::size_t i = 0; i < rows[0].size(); ++i) {
+            const Eigen::VectorXd values = expressions_of(rows[1][i], names);
+            EXPECT_GE(values.minCoeff(), 0.0);
+            largest[method] = std::max(largest[method], values.maxCoeff());
+            if (hides_the_mouth(static_cast<int>(i))) {
+                mean_pull[method] += (values - expressions_of(rows[0][i], names)).cwiseAbs().mean() / 3;
+            }
+        }
+    }
+    EXPECT_LE(largest["joint"], 1.0);
+    EXPECT_GT(largest["thesis"], 1.0);
+    EXPECT_LT(mean_pull["joint"], 0.7 * mean_pull["thesis"]);
 }
 
 TEST(Track, AnUnknownFocalLengthIsOneForAllFrames)
