@@ -400,13 +400,17 @@ void print_frames(const std::string& setting, const Protocol& protocol, int num_
     const JointFitter joint(model(), "ibug68", joint_options, &kernels::dispatched_kernels());
     const RealtimeFitter thesis(model(), "ibug68", thesis_options, kernels::dispatched_kernels());
     RealtimeWorkspace workspace = thesis.make_workspace();
+    JointWorkspace joint_workspace = joint.make_workspace();
+    JointFitResult result;
     FrameErrors of_joint, of_thesis;
     for (const Subject& subject : draw_subjects(protocol, num_subjects)) {
-        const Eigen::VectorXd identity = joint.fit_frames(subject.images, centre).shape_coefficients;
-        const FrozenIdentity frozen = thesis.freeze(identity);
+        const JointFramesResult person = joint.fit_frames(subject.images, centre);
+        const KnownIdentity identity = joint.prepare_identity(person.shape_coefficients);
+        const FrozenIdentity frozen = thesis.freeze(person.shape_coefficients);
         std::vector<FitResult> joint_frames, thesis_frames;
         for (const LandmarkSet& image : subject.images) {
-            joint_frames.push_back(joint.fit_pose_and_expression(image, centre, identity).fit);
+            joint.fit_pose_and_expression(image, centre, identity, joint_workspace, result);
+            joint_frames.push_back(result.fit);
             thesis.fit_pose_and_expression(image, centre, frozen, workspace, thesis_frames.emplace_back());
         }
         of_joint.add(subject, joint_frames, protocol.expression_set);

@@ -177,6 +177,8 @@ void compare(const bench::PlantedFaces& faces, const Motion& motion, int num_peo
     const JointFitter joint(faces.model(), scheme, joint_options, &kernels::dispatched_kernels());
     const RealtimeFitter thesis(faces.model(), scheme, thesis_options, kernels::dispatched_kernels());
     RealtimeWorkspace workspace = thesis.make_workspace();
+    JointWorkspace joint_workspace = joint.make_workspace();
+    JointFitResult result;
     MeshDetector detector;
     FrameErrors of_thesis, of_joint;
     for (int person = 0; person < num_people; ++person) {
@@ -190,15 +192,17 @@ void compare(const bench::PlantedFaces& faces, const Motion& motion, int num_peo
         for (const int frame : select_spread_frames(alone)) {
             chosen.push_back(clip.landmarks[static_cast<std::size_t>(frame)]);
         }
-        const Eigen::VectorXd identity = joint.fit_frames(chosen, middle).shape_coefficients;
-        const FrozenIdentity frozen = thesis.freeze(identity);
+        const JointFramesResult found = joint.fit_frames(chosen, middle);
+        const KnownIdentity identity = joint.prepare_identity(found.shape_coefficients);
+        const FrozenIdentity frozen = thesis.freeze(found.shape_coefficients);
         add_fits(of_thesis, faces, motion, clip, [&](const LandmarkSet& landmarks, const FitResult* last) {
             FitResult fit;
             thesis.fit_pose_and_expression(landmarks, middle, frozen, workspace, fit, last);
             return fit;
         });
         add_fits(of_joint, faces, motion, clip, [&](const LandmarkSet& landmarks, const FitResult* last) {
-            return joint.fit_pose_and_expression(landmarks, middle, identity, last).fit;
+            joint.fit_pose_and_expression(landmarks, middle, identity, joint_workspace, result, last);
+            return result.fit;
         });
     }
     of_thesis.print(motion, "thesis");

@@ -146,6 +146,25 @@ struct FrameFitter
     }
 };
 
+/// The joint fit of the frames of a video, one after the other.
+struct JointFrameFitter
+{
+    JointFitter fitter;
+    JointWorkspace workspace;
+    JointFitResult result = {};
+    std::optional<KnownIdentity> identity = std::nullopt; ///< The last one asked for.
+
+    explicit JointFrameFitter(JointFitter prepared) : fitter(std::move(prepared)), workspace(fitter.make_workspace()) {}
+
+    const KnownIdentity& known(const Eigen::VectorXd& shape_coefficients)
+    {
+        if (!identity || identity->shape_coefficients() != shape_coefficients) {
+            identity = fitter.prepare_identity(shape_coefficients);
+        }
+        return *identity;
+    }
+};
+
 } // namespace
 
 struct Fitters::Implementation
@@ -154,7 +173,7 @@ struct Fitters::Implementation
     ModelOptions options;
     std::map<LandmarkKind, FaceFitter> thesis_fitters = {};
     std::map<LandmarkKind, JointFitter> joint_fitters = {};
-    std::map<LandmarkKind, JointFitter> joint_frame_fitters = {};
+    std::map<LandmarkKind, JointFrameFitter> joint_frame_fitters = {};
     std::map<LandmarkKind, FrameFitter> frame_fitters = {};
 
     std::optional<double> found_focal_px = std::nullopt; ///< Of the last identity.
@@ -192,7 +211,7 @@ struct Fitters::Implementation
     }
 
     /// For frames of a known identity: with the focal length that is known by then.
-    const JointFitter& joint_frames(const LandmarkSet& set)
+    JointFrameFitter& joint_frames(const LandmarkSet& set)
     {
         const LandmarkKind kind = kind_of(set);
         const auto known = joint_frame_fitters.find(kind);
@@ -203,8 +222,8 @@ struct Fitters::Implementation
         fit.with_covariance = false;
         fit.focal_length_px = focal_px();
         fit.phi_sigma_per_mm.reset();
-        return joint_frame_fitters.emplace(kind, JointFitter(*model, kind.scheme, fit, &kernels::dispatched_kernels()))
-            .first->second;
+        JointFitter fitter(*model, kind.scheme, fit, &kernels::dispatched_kernels());
+        return joint_frame_fitters.emplace(kind, JointFrameFitter(std::move(fitter))).first->second;
     }
 
     FrameFitter& frame_fitter(const LandmarkSet& set)
@@ -343,9 +362,11 @@ FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const E
                                            const Eigen::VectorXd& shape_coefficients, const FitResult* start)
 {
     if (implementation_->is_joint()) {
-        return implementation_->joint_frames(landmarks)
-            .fit_pose_and_expression(landmarks, principal_point_px, shape_coefficients, start)
-            .fit;
+        JointFrameFitter& frames = implementation_->joint_frames(landmarks);
+        const KnownIdentity& identity = frames.known(shape_coefficients);
+        frames.fitter.fit_pose_and_expression(landmarks, principal_point_px, identity, frames.workspace, frames.result,
+                                              start);
+        return frames.result.fit;
     }
     if (implementation_->focal_px()) {
         return implementation_->thesis(landmarks).fit_pose_and_expression(landmarks, principal_point_px,
