@@ -22,7 +22,7 @@ namespace lineament::detail {
 class JointFit
 {
 public:
-    explicit JointFit(const kernels::Kernels* kernels) : scratch_(kernels) {}
+    explicit JointFit(const kernels::Kernels* kernels) : scratch_(kernels), alone_(kernels) {}
 
     /// Another fit. What the arguments refer to must stay until its results are written.
     void begin(const JointContext& context, const IdentityPrior& prior);
@@ -68,6 +68,7 @@ private:
     void set_certainty(JointFramesResult& result); ///< Of each frame.
     void match();
     [[nodiscard]] bool turn_by_depth(std::size_t used_index); ///< False where it stays.
+    void fit_expression_of(std::size_t used_index, const Camera& camera, double own_scale, Eigen::VectorXd& psi);
     void set_unfitted(const Image& image, FitResult& result) const;
     void set_fit(std::size_t used_index, FitResult& result);
     void judge(JointFramesResult& result) const;
@@ -96,6 +97,19 @@ private:
     std::vector<double> squared_distances_ = {};
     std::vector<unsigned char> is_used_ = {};
     JointFramesResult result_ = {};
+
+    /// For the expression of one image.
+    struct Alone
+    {
+        explicit Alone(const kernels::Kernels* kernels) : scratch(kernels) {}
+
+        IdentityPrior nothing = IdentityPrior(0); ///< Of the identity is unknown.
+        JointProblem problem = {};
+        JointState state = {};
+        JointScratch scratch;
+        JointProgress progress = {};
+    };
+    Alone alone_;
 };
 
 } // namespace lineament::detail

@@ -189,15 +189,11 @@ inline bool JointFit::turn_by_depth(std::size_t f)
         std::none_of(landmarks.begin(), landmarks.end(), [](const Landmark& l) { return l.depth_px.has_value(); })) {
         return false;
     }
-    JointProblem alone(options(), *prior_, num_expressions());
-    alone.images = {problem_.images[f]};
-    alone.moves_expressions_only = true;
-    JointImage& seen = alone.images.front();
-    JointState state{state_.alpha, 0.0, {state_.cameras[f]}, {state_.psi[f]}, {}};
-    const double own_scale = seen.matched_scale / state.cameras.front().scale_px_per_mm;
-    RoomyMatrix<Eigen::Matrix3Xd>& shape = points_;
-    seen.points.evaluate(nullptr, state.alpha, own_scale * state.psi.front(), products_, shape);
+    JointImage& seen = problem_.images[f];
     const PlacedPoints& placed = scratch_.placed[f];
+    Camera camera = state_.cameras[f];
+    const double own_scale = seen.matched_scale / camera.scale_px_per_mm;
+    seen.points.evaluate(context_->kernels, state_.alpha, own_scale * state_.psi[f], products_, points_);
     PairMoments all, with_depth;
     int num_with_depth = 0;
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
@@ -207,25 +203,47 @@ inline bool JointFit::turn_by_depth(std::size_t f)
                               seen.roots.row(column).squaredNorm() / 2;
         const std::optional<double> depth_px = landmarks[static_cast<std::size_t>(used.landmark_index)].depth_px;
         const Eigen::Vector3d point(seen.image_points(0, column), seen.image_points(1, column), depth_px.value_or(0.0));
-        all.add(weight, shape.col(column), point);
+        all.add(weight, points_.col(column), point);
         if (depth_px && weight > 0) {
-            with_depth.add(weight, shape.col(column), point);
+            with_depth.add(weight, points_.col(column), point);
             ++num_with_depth;
         }
     }
-    if (!turn_camera_by_depth(all, with_depth, num_with_depth, state.cameras.front())) {
+    if (!turn_camera_by_depth(all, with_depth, num_with_depth, camera)) {
         return false;
     }
-    seen.points.mean.leftCols(shape.cols()) += placed.points - shape; // biases are held
-    for (JointPoint& used : seen.used) {
+    shown_.cameras[f] = camera;
+    fit_expression_of(f, camera, own_scale, shown_.psi[f]);
+    return true;
+}
+
+/// Anew for another camera, where identity and biases are as they are.
+inline void JointFit::fit_expression_of(std::size_t f, const Camera& camera, double own_scale, Eigen::VectorXd& psi)
+{
+    JointImage& seen = problem_.images[f];
+    alone_.problem.begin(options(), alone_.nothing, num_expressions());
+    alone_.problem.kernels = context_->kernels;
+    alone_.problem.holds_cameras = true;
+    alone_.problem.images.resize(1);
+    JointImage& same = alone_.problem.images.front();
+    same.used = seen.used;
+    for (JointPoint& used : same.used) {
         used.bias_index = -1;
     }
-    JointProgress progress;
-    JointScratch scratch(nullptr);
-    minimize(alone, state, {options().max_iterations, options().tolerance, true}, 0, scratch, progress);
-    shown_.cameras[f] = state.cameras.front();
-    shown_.psi[f] = state.psi.front();
-    return true;
+    same.image_points = seen.image_points;
+    same.roots = seen.roots;
+    same.matched_scale = seen.matched_scale;
+    same.points.num_points = seen.points.num_points;
+    std::swap(same.points.expression, seen.points.expression); // for as long as this takes
+    same.points.expression.multiply(context_->kernels, same.points.num_points, own_scale * state_.psi[f],
+                                    products_.padded, products_.by_expression);
+    same.points.mean = scratch_.placed[f].points - products_.by_expression;
+    alone_.state.cameras.assign(1, camera);
+    alone_.state.psi.assign(1, state_.psi[f]);
+    minimize(alone_.problem, alone_.state, {options().max_iterations, options().tolerance, false}, 0, alone_.scratch,
+             alone_.progress);
+    psi = alone_.state.psi.front();
+    std::swap(same.points.expression, seen.points.expression);
 }
 
 inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,

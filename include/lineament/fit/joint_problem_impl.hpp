@@ -329,14 +329,10 @@ LINEAMENT_FIT_INLINE void JointProblem::room(const JointState& state, Eigen::Vec
         const double log_scale = std::log(state.cameras[f].scale_px_per_mm / images[f].matched_scale);
         down[camera_begin(f) + 3] = -std::log(max_scale_change) - log_scale;
         up[camera_begin(f) + 3] = std::log(max_scale_change) - log_scale;
-        if (moves_expressions_only) {
+        if (holds_cameras) {
             down.segment<6>(camera_begin(f)).setZero();
             up.segment<6>(camera_begin(f)).setZero();
         }
-    }
-    if (moves_expressions_only) {
-        down.head(num_shared()).setZero();
-        up.head(num_shared()).setZero();
     }
 }
 
