@@ -139,6 +139,7 @@ private:
     friend class JointFitter;
     explicit JointWorkspace(const kernels::Kernels* kernels);
     std::unique_ptr<detail::JointFit> fit_;
+    std::unique_ptr<detail::JointFit> fit_of_known_; ///< Of fewer unknowns: each keeps its sizes.
 };
 
 /// Fits identity, expressions and cameras of one or several images of one person as the minimum of one energy:

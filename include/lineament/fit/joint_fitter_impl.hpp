@@ -91,7 +91,7 @@ LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string 
 {}
 
 LINEAMENT_FIT_INLINE JointWorkspace::JointWorkspace(const kernels::Kernels* kernels)
-    : fit_(std::make_unique<detail::JointFit>(kernels))
+    : fit_(std::make_unique<detail::JointFit>(kernels)), fit_of_known_(std::make_unique<detail::JointFit>(kernels))
 {}
 LINEAMENT_FIT_INLINE JointWorkspace::JointWorkspace(JointWorkspace&&) noexcept = default;
 LINEAMENT_FIT_INLINE JointWorkspace& JointWorkspace::operator=(JointWorkspace&&) noexcept = default;
@@ -149,7 +149,7 @@ LINEAMENT_FIT_INLINE void JointFitter::fit_pose_and_expression(const LandmarkSet
                                                                std::span<const Eigen::Matrix2d> covariances_px) const
 {
     const detail::IdentityPrior nothing_unknown(0);
-    detail::JointFit& fit = *workspace.fit_;
+    detail::JointFit& fit = *workspace.fit_of_known_;
     fit.begin({base_, identity.points_, options_, kernels_, &identity.shape_coefficients_}, nothing_unknown);
     fit.add_image(landmarks, principal_point_px, start, covariances_px);
     fit.run();

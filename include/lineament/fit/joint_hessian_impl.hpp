@@ -142,7 +142,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
     std::vector<int>& columns = system.columns; // of the unknowns other than alpha
     columns.clear();
     for (auto other = others; other != unknowns.end(); ++other) {
-        columns.push_back(shape_width + (has_all_psi ? *other - shape_size : static_cast<int>(other - others)));
+        columns.push_back(shape_width + static_cast<int>(has_all_psi ? *other - num_shared() : other - others));
     }
     const auto set_derivative = [&](int column, int of_first, int of_second) {
         const double* first = terms.derivatives.data() + of_first * num_points;

@@ -1,0 +1,165 @@
+// SPDX-FileCopyrightText: The Lineament authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Joint fits in memory of the caller's: the same bits as without, and nothing allocated.
+#include "lineament/fit/joint_fitter.hpp"
+#include "lineament/kernels/dispatched_kernels.hpp"
+
+#include "support/count_allocations.hpp"
+#include "support/face_model.hpp"
+#include "support/synthetic_face.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace lineament {
+namespace {
+
+const Eigen::Vector2d centre(320, 240);
+
+std::vector<LandmarkSet> draw_faces(int count, double max_yaw_deg, int seed)
+{
+    Random random(seed);
+    std::vector<LandmarkSet> sets;
+    for (int face = 0; face < count; ++face) {
+        const Eigen::VectorXd alpha = test::random_normal(random, test::face_model().shape.num_coefficients());
+        const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
+        sets.push_back(test::project_landmarks(test::face_model(), "ibug68", alpha, psi,
+                                               test::random_camera(random, max_yaw_deg), 1.5, random));
+    }
+    return sets;
+}
+
+/// Everything but timing.
+void expect_same(const JointFitResult& result, const JointFitResult& expected)
+{
+    EXPECT_EQ(result.fit.status, expected.fit.status);
+    EXPECT_EQ(result.fit.reason, expected.fit.reason);
+    EXPECT_EQ(result.fit.method, expected.fit.method);
+    EXPECT_EQ(result.fit.camera.camera_from_model, expected.fit.camera.camera_from_model);
+    EXPECT_EQ(result.fit.camera.translation_mm, expected.fit.camera.translation_mm);
+    EXPECT_EQ(result.fit.camera.scale_px_per_mm, expected.fit.camera.scale_px_per_mm);
+    EXPECT_EQ(result.fit.camera.phi_per_mm, expected.fit.camera.phi_per_mm);
+    EXPECT_EQ(result.fit.shape_coefficients, expected.fit.shape_coefficients);
+    EXPECT_EQ(result.fit.expression_set, expected.fit.expression_set);
+    EXPECT_EQ(result.fit.expression_names, expected.fit.expression_names);
+    EXPECT_EQ(result.fit.expression_coefficients, expected.fit.expression_coefficients);
+    EXPECT_EQ(result.fit.rms_px, expected.fit.rms_px);
+    EXPECT_EQ(result.fit.chi_square, expected.fit.chi_square);
+    EXPECT_EQ(result.fit.degrees_of_freedom, expected.fit.degrees_of_freedom);
+    EXPECT_EQ(result.fit.iterations, expected.fit.iterations);
+    EXPECT_EQ(result.fit.contour_view, expected.fit.contour_view);
+    ASSERT_EQ(result.fit.landmarks.size(), expected.fit.landmarks.size());
+    for (std::size_t l = 0; l < expected.fit.landmarks.size(); ++l) {
+        EXPECT_EQ(result.fit.landmarks[l].name, expected.fit.landmarks[l].name);
+        EXPECT_EQ(result.fit.landmarks[l].point_px, expected.fit.landmarks[l].point_px);
+        EXPECT_EQ(result.fit.landmarks[l].fitted_px, expected.fit.landmarks[l].fitted_px);
+        EXPECT_EQ(result.fit.landmarks[l].weight, expected.fit.landmarks[l].weight);
+    }
+    EXPECT_EQ(result.covariance, expected.covariance);
+    EXPECT_EQ(result.expression_deviations, expected.expression_deviations);
+    EXPECT_EQ(result.unobservable_expressions, expected.unobservable_expressions);
+    EXPECT_EQ(result.minimum_camera.camera_from_model, expected.minimum_camera.camera_from_model);
+    EXPECT_EQ(result.minimum_expression, expected.minimum_expression);
+    EXPECT_EQ(result.matched_scale_px_per_mm, expected.matched_scale_px_per_mm);
+    EXPECT_EQ(result.scale_strength, expected.scale_strength);
+    EXPECT_EQ(result.energies.size(), expected.energies.size());
+}
+
+TEST(JointWorkspace, HoldsNothingThatTheNextFitWouldSee)
+{
+    for (const kernels::Kernels* set :
+         {static_cast<const kernels::Kernels*>(nullptr), &kernels::dispatched_kernels()}) {
+        for (const bool has_focal : {false, true}) {
+            JointOptions options;
+            if (has_focal) {
+                options.phi_sigma_per_mm = 0.002;
+            }
+            const JointFitter fitter(test::face_model(), "ibug68", options, set);
+            std::vector<LandmarkSet> faces = draw_faces(4, 50, 921);
+            faces[1].landmarks.resize(20);                                      // fewer
+            std::reverse(faces[2].landmarks.begin(), faces[2].landmarks.end()); // in another order
+            faces.push_back(faces[0]);
+            faces.back().landmarks.resize(3); // too few
+            faces.push_back(faces[0]);
+            faces.back().landmarks[40].point_px.x() += 300; // a wild one
+            faces.push_back(faces[3]);
+            const KnownIdentity identity = fitter.prepare_identity(fitter.fit(faces[0], centre).fit.shape_coefficients);
+            JointWorkspace workspace = fitter.make_workspace();
+            JointFitResult result;
+            for (const LandmarkSet& face : faces) {
+                fitter.fit(face, centre, workspace, result);
+                expect_same(result, fitter.fit(face, centre));
+                const JointFitResult start = result;
+                fitter.fit_pose_and_expression(face, centre, identity, workspace, result, &result.fit);
+                expect_same(result,
+                            fitter.fit_pose_and_expression(face, centre, identity.shape_coefficients(), &start.fit));
+                ASSERT_FALSE(HasFailure()) << (set != nullptr ? set->name : "Eigen");
+            }
+        }
+    }
+}
+
+TEST(JointWorkspace, LeavesTheResultWhereInputIsRefused)
+{
+    const JointFitter fitter(test::face_model(), "ibug68", {}, &kernels::dispatched_kernels());
+    std::vector<LandmarkSet> faces = draw_faces(2, 30, 922);
+    JointWorkspace workspace = fitter.make_workspace();
+    JointFitResult result;
+    fitter.fit(faces[0], centre, workspace, result);
+    const JointFitResult before = result;
+    faces[1].landmarks[7].point_px.x() = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THROW(fitter.fit(faces[1], centre, workspace, result), InvalidArgument);
+    expect_same(result, before);
+    EXPECT_THROW((void)fitter.prepare_identity(Eigen::VectorXd::Zero(61)), InvalidArgument);
+    EXPECT_THROW((void)fitter.prepare_identity(Eigen::VectorXd::Constant(2, NAN)), InvalidArgument);
+    fitter.fit(faces[0], centre, workspace, result); // what was thrown has spoilt nothing
+    expect_same(result, before);
+}
+
+TEST(JointWorkspace, AllocatesNothingOnceItIsWarm)
+{
+    const std::vector<LandmarkSet> faces = draw_faces(30, 60, 923);
+    for (const char* expression_set : {"ekman6", "arkit47"}) {
+        for (const ContourMode mode : {ContourMode::fixed, ContourMode::front_facing}) {
+            for (const bool with_covariance : {false, true}) {
+                JointOptions options;
+                options.contour = mode;
+                options.expression_set = expression_set;
+                options.with_covariance = with_covariance;
+                const JointFitter fitter(test::face_model(), "ibug68", options, &kernels::dispatched_kernels());
+                const KnownIdentity identity = fitter.prepare_identity(Eigen::VectorXd::Constant(60, 0.3));
+                JointWorkspace workspace = fitter.make_workspace();
+                JointFitResult result;
+                int num_successes = 0;
+                const auto fit_all = [&] {
+                    for (const LandmarkSet& face : faces) {
+                        fitter.fit(face, centre, workspace, result);
+                        num_successes += result.fit.status == FitStatus::success;
+                        fitter.fit(face, centre, workspace, result, &result.fit);
+                        fitter.fit_pose_and_expression(face, centre, identity, workspace, result, &result.fit);
+                    }
+                };
+                fit_all();
+                const long before = test::num_allocations();
+                fit_all();
+                const long num_allocations = test::num_allocations() - before;
+                EXPECT_EQ(num_allocations, 0)
+                    << expression_set << ", contour " << static_cast<int>(mode) << ", covariance " << with_covariance;
+                EXPECT_GE(num_successes, 50);
+                // The twin: a workspace of its own is seen.
+                const long before_own = test::num_allocations();
+                (void)fitter.fit(faces[0], centre);
+                EXPECT_GT(test::num_allocations() - before_own, 50);
+            }
+        }
+    }
+}
+
+} // namespace
+} // namespace lineament
