@@ -1,22 +1,20 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// RealtimeFitter: whole fits, tracking steps and meshes, whole fits of JointFitter, and (kernel_parts.cpp) single
-// kernels, for each instruction set of this machine, beside a calibration kernel (multiply-adds over 4 MB). With
-// "agreement" it checks instead that both paths agree. Of a part SET/NAME there may be
+// RealtimeFitter: whole fits, tracking steps and meshes, the same of JointFitter (joint_parts.cpp) and single kernels
+// (kernel_parts.cpp), for each instruction set of this machine, beside a calibration kernel (multiply-adds over 4 MB).
+// With "agreement" it checks instead that both paths agree. Of a part SET/NAME there may be
 //   reference/NAME  the same by the double precision path,
 //   SET/limit/NAME  the time that the machine needs at least, measured: as many bytes read once and in order, with one
 //                   multiply-add for each number, or as many multiply-adds in registers; its label says which.
 // Run with --benchmark_repetitions=15 --benchmark_enable_random_interleaving=true --benchmark_out=FILE;
 // realtime_table.py makes a table of the file.
 #include "calibration.hpp"
+#include "joint_parts.hpp"
 #include "kernel_parts.hpp"
+#include "timed_faces.hpp"
 
-#include "lineament/fit/joint_fitter.hpp"
-#include "lineament/fit/realtime_fitter.hpp"
-#include "lineament/io/model_file.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
-#include "support/synthetic_face.hpp"
 
 #include <benchmark/benchmark.h>
 
@@ -32,102 +30,15 @@
 namespace {
 
 using namespace lineament;
-using bench::add;
+using namespace lineament::bench;
 using kernels::Kernels;
-
-constexpr double max_yaw_deg = 45;
-const Eigen::Vector2d centre(320, 240);
-
-const MorphableModel& face_model()
-{
-    static const MorphableModel model = load_model(default_model_path());
-    return model;
-}
-
-/// The same with columns that no 16 bits hold, as a model has that was never rounded to them.
-const MorphableModel& unrounded_model()
-{
-    static const MorphableModel model = [] {
-        MorphableModel unrounded = face_model();
-        Random random(9);
-        const auto move = [&](Eigen::MatrixXf& columns) {
-            for (float& entry : columns.reshaped()) {
-                entry *= static_cast<float>(1 + 1e-5 * random.normal());
-            }
-        };
-        move(unrounded.shape.basis);
-        for (Blendshapes& set : unrounded.expression_sets) {
-            move(set.offsets);
-        }
-        return unrounded;
-    }();
-    return model;
-}
-
-/// Faces drawn from the priors, yaw within 45 degrees (`yaw_deg` fixed: just that), 1.5 px of noise.
-const std::vector<LandmarkSet>& faces(int yaw_deg)
-{
-    static std::mutex mutex;
-    const std::lock_guard lock(mutex);
-    static std::map<int, std::vector<LandmarkSet>> sets;
-    std::vector<LandmarkSet>& set = sets[yaw_deg];
-    Random random(7);
-    while (set.size() < 64) {
-        Camera camera = test::random_camera(random, max_yaw_deg);
-        if (yaw_deg >= 0) {
-            camera.camera_from_model = rotation_from_angles({radians(yaw_deg), radians(random.uniform(-8, 8)), 0});
-        }
-        set.push_back(test::project_landmarks(
-            face_model(), "ibug68", test::random_normal(random, face_model().shape.num_coefficients()),
-            test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0), camera, 1.5, random));
-    }
-    return set;
-}
-
-FitOptions options_of(ContourMode mode, const std::string& expression_set, int iterations = 5)
-{
-    FitOptions options;
-    options.contour = mode;
-    options.expression_set = expression_set;
-    options.iterations = iterations;
-    return options;
-}
-
-/// What a mesh is made of.
-enum class Mesh
-{
-    none,
-    as_stored, ///< By lineament-face-1, in 16 bits where the kernels prefer these.
-    single,    ///< Columns in single precision, of unrounded_model.
-};
-
-const RealtimeFitter& fitter_of(const Kernels& kernels, const FitOptions& options, Mesh mesh = Mesh::as_stored)
-{
-    static std::mutex mutex; // threads of one benchmark share a fitter
-    const std::lock_guard lock(mutex);
-    static std::map<std::string, std::unique_ptr<RealtimeFitter>> fitters;
-    const std::string key = std::string(kernels.name) + options.expression_set +
-                            std::to_string(static_cast<int>(options.contour)) + std::to_string(options.iterations) +
-                            (mesh == Mesh::single ? "single" : "");
-    std::unique_ptr<RealtimeFitter>& fitter = fitters[key];
-    if (!fitter) {
-        fitter = std::make_unique<RealtimeFitter>(mesh == Mesh::single ? unrounded_model() : face_model(), "ibug68",
-                                                  options, kernels);
-    }
-    return *fitter;
-}
-
-const char* suffix_of(Mesh mesh)
-{
-    return mesh == Mesh::none ? "" : mesh == Mesh::as_stored ? "_mesh" : "_mesh_single";
-}
 
 const FaceFitter& reference_of(const FitOptions& options)
 {
     return fitter_of(kernels::scalar_kernels(), options).reference();
 }
 
-void reference_fit(benchmark::State& state, const FitOptions& options, int yaw_deg, Mesh mesh)
+void reference_fit(benchmark::State& state, const FitOptions& options, int yaw_deg, MeshKind mesh)
 {
     const FaceFitter& fitter = reference_of(options);
     const std::vector<LandmarkSet>& sets = faces(yaw_deg);
@@ -135,13 +46,13 @@ void reference_fit(benchmark::State& state, const FitOptions& options, int yaw_d
     for (auto _ : state) {
         const FitResult fit = fitter.fit(sets[next++ % sets.size()], centre);
         benchmark::DoNotOptimize(fit.rms_px);
-        if (mesh != Mesh::none) {
+        if (mesh != MeshKind::none) {
             benchmark::DoNotOptimize(shape_of(fitter.model(), fit).data());
         }
     }
 }
 
-void whole_fit(benchmark::State& state, const Kernels& kernels, FitOptions options, int yaw_deg, Mesh mesh)
+void whole_fit(benchmark::State& state, const Kernels& kernels, FitOptions options, int yaw_deg, MeshKind mesh)
 {
     const RealtimeFitter& fitter = fitter_of(kernels, options, mesh);
     RealtimeWorkspace workspace = fitter.make_workspace();
@@ -150,60 +61,13 @@ void whole_fit(benchmark::State& state, const Kernels& kernels, FitOptions optio
     std::size_t next = 0;
     for (auto _ : state) {
         fitter.fit(sets[next++ % sets.size()], centre, workspace, result);
-        if (mesh != Mesh::none) {
+        if (mesh != MeshKind::none) {
             benchmark::DoNotOptimize(fitter.shape_of(result, workspace).data());
         }
     }
     state.SetItemsProcessed(state.iterations());
     state.counters["reference_solves"] = static_cast<double>(workspace.num_reference_solves());
     state.counters["reference_fits"] = static_cast<double>(workspace.num_reference_fits());
-}
-
-JointOptions joint_options(ContourMode mode, const std::string& expression_set, bool with_covariance = true)
-{
-    JointOptions options;
-    options.contour = mode;
-    options.expression_set = expression_set;
-    options.with_covariance = with_covariance;
-    return options;
-}
-
-/// The mesh by a RealtimeFitter's columns, as that of the real-time fits.
-void joint_fit(benchmark::State& state, const Kernels& kernels, ContourMode mode, const std::string& expression_set,
-               int yaw_deg, Mesh mesh)
-{
-    const JointFitter fitter(face_model(), "ibug68", joint_options(mode, expression_set), &kernels);
-    const RealtimeFitter& meshes = fitter_of(kernels, options_of(mode, expression_set));
-    RealtimeWorkspace workspace = meshes.make_workspace();
-    const std::vector<LandmarkSet>& sets = faces(yaw_deg);
-    JointWorkspace joint = fitter.make_workspace();
-    JointFitResult result;
-    std::size_t next = 0;
-    for (auto _ : state) {
-        fitter.fit(sets[next++ % sets.size()], centre, joint, result);
-        benchmark::DoNotOptimize(result.fit.rms_px);
-        if (mesh != Mesh::none) {
-            benchmark::DoNotOptimize(meshes.shape_of(result.fit, workspace).data());
-        }
-    }
-}
-
-/// One face moving by little from frame to frame: 64 frames there, then from the start again.
-std::vector<LandmarkSet> video()
-{
-    Random random(8);
-    const Eigen::VectorXd alpha = test::random_normal(random, face_model().shape.num_coefficients());
-    std::vector<LandmarkSet> frames;
-    for (int f = 0; f < 64; ++f) {
-        const double phase = f * 2 * 3.14159265 / 64;
-        Camera camera;
-        camera.camera_from_model = rotation_from_angles({0.08 * std::sin(phase), 0.05 * std::cos(phase), 0});
-        camera.scale_px_per_mm = 1.2;
-        camera.principal_point_px = centre;
-        const Eigen::VectorXd psi = Eigen::VectorXd::Constant(6, 0.15 * (1 + std::sin(phase)));
-        frames.push_back(test::project_landmarks(face_model(), "ibug68", alpha, psi, camera, 0.5, random));
-    }
-    return frames;
 }
 
 void warm_step(benchmark::State& state, const Kernels& kernels, std::string expression_set)
@@ -233,60 +97,7 @@ void reference_warm_step(benchmark::State& state, std::string expression_set)
     state.SetLabel(to_string(result.status));
 }
 
-/// From the last result: a whole fit, or one step, which says nothing of how sure it is.
-void joint_warm_fit(benchmark::State& state, const Kernels& kernels, std::string expression_set, bool is_whole)
-{
-    JointOptions options = joint_options(ContourMode::front_facing, expression_set, is_whole);
-    if (!is_whole) {
-        options.rounds = 1;
-        options.max_iterations = 1;
-    }
-    const JointFitter fitter(face_model(), "ibug68", options, &kernels);
-    const std::vector<LandmarkSet> frames = video();
-    JointWorkspace workspace = fitter.make_workspace();
-    JointFitResult result = fitter.fit(frames[0], centre);
-    std::size_t next = 0;
-    for (auto _ : state) {
-        fitter.fit(frames[next++ % frames.size()], centre, workspace, result, &result.fit);
-    }
-    state.SetLabel(to_string(result.fit.status));
-}
-
-/// The same of a known identity, with its mesh.
-void joint_frozen_step(benchmark::State& state, const Kernels& kernels, std::string expression_set)
-{
-    JointOptions options = joint_options(ContourMode::front_facing, expression_set, false);
-    options.rounds = 1;
-    options.max_iterations = 1;
-    const JointFitter fitter(face_model(), "ibug68", options, &kernels);
-    const RealtimeFitter& meshes = fitter_of(kernels, options_of(ContourMode::front_facing, expression_set));
-    RealtimeWorkspace workspace = meshes.make_workspace();
-    const std::vector<LandmarkSet> frames = video();
-    JointFitResult result = fitter.fit(frames[0], centre);
-    const KnownIdentity identity = fitter.prepare_identity(result.fit.shape_coefficients);
-    const FrozenIdentity frozen = meshes.freeze(identity.shape_coefficients());
-    JointWorkspace joint = fitter.make_workspace();
-    std::size_t next = 0;
-    for (auto _ : state) {
-        fitter.fit_pose_and_expression(frames[next++ % frames.size()], centre, identity, joint, result, &result.fit);
-        benchmark::DoNotOptimize(meshes.shape_of(frozen, result.fit, workspace).data());
-    }
-}
-
-/// One identity of several images, all at once.
-void joint_frames(benchmark::State& state, const Kernels& kernels, std::string expression_set, int num_images)
-{
-    const JointFitter fitter(face_model(), "ibug68", joint_options(ContourMode::front_facing, expression_set),
-                             &kernels);
-    const std::vector<LandmarkSet> frames = video();
-    for (auto _ : state) {
-        const JointFramesResult result = fitter.fit_frames(std::span(frames).first(num_images), centre);
-        benchmark::DoNotOptimize(result.chi_square);
-        state.counters["steps"] = result.frames[0].fit.iterations;
-    }
-}
-
-void frozen_step(benchmark::State& state, const Kernels& kernels, std::string expression_set, Mesh mesh)
+void frozen_step(benchmark::State& state, const Kernels& kernels, std::string expression_set, MeshKind mesh)
 {
     const FitOptions options = options_of(ContourMode::front_facing, expression_set, 1);
     const RealtimeFitter& fitter = fitter_of(kernels, options, mesh);
@@ -298,14 +109,14 @@ void frozen_step(benchmark::State& state, const Kernels& kernels, std::string ex
     std::size_t next = 0;
     for (auto _ : state) {
         fitter.fit_pose_and_expression(frames[next++ % frames.size()], centre, frozen, workspace, result, &result);
-        if (mesh != Mesh::none) {
+        if (mesh != MeshKind::none) {
             benchmark::DoNotOptimize(fitter.shape_of(frozen, result, workspace).data());
         }
     }
 }
 
 /// The reference keeps nothing of a known identity: its mesh is made anew.
-void reference_frozen_step(benchmark::State& state, std::string expression_set, Mesh mesh)
+void reference_frozen_step(benchmark::State& state, std::string expression_set, MeshKind mesh)
 {
     const FaceFitter& fitter = reference_of(options_of(ContourMode::front_facing, expression_set, 1));
     const std::vector<LandmarkSet> frames = video();
@@ -314,7 +125,7 @@ void reference_frozen_step(benchmark::State& state, std::string expression_set, 
     std::size_t next = 0;
     for (auto _ : state) {
         result = fitter.fit_pose_and_expression(frames[next++ % frames.size()], centre, identity, &result);
-        if (mesh != Mesh::none) {
+        if (mesh != MeshKind::none) {
             benchmark::DoNotOptimize(shape_of(fitter.model(), result).data());
         }
     }
@@ -328,7 +139,7 @@ std::int64_t mesh_numbers(const std::string& expression_set)
     return 3 * static_cast<std::int64_t>(face_model().num_vertices()) * columns;
 }
 
-void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string expression_set, Mesh mesh)
+void mesh_alone(benchmark::State& state, const Kernels& kernels, std::string expression_set, MeshKind mesh)
 {
     const RealtimeFitter& fitter = fitter_of(kernels, options_of(ContourMode::fixed, expression_set), mesh);
     RealtimeWorkspace workspace = fitter.make_workspace();
@@ -436,39 +247,6 @@ void batch(benchmark::State& state, const Kernels& kernels, const FitOptions& op
     state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(sets.size()));
 }
 
-/// The same by JointFitter, with the meshes of a RealtimeFitter.
-void joint_batch(benchmark::State& state, const Kernels& kernels, bool with_covariance)
-{
-    static std::mutex mutex; // threads share a fitter
-    static std::map<std::string, std::unique_ptr<JointFitter>> fitters;
-    const JointFitter* fitter = nullptr;
-    {
-        const std::lock_guard lock(mutex);
-        std::unique_ptr<JointFitter>& shared = fitters[kernels.name + std::to_string(with_covariance)];
-        if (!shared) {
-            shared = std::make_unique<JointFitter>(
-                face_model(), "ibug68", joint_options(ContourMode::front_facing, "ekman6", with_covariance), &kernels);
-        }
-        fitter = shared.get();
-    }
-    const RealtimeFitter& meshes = fitter_of(kernels, options_of(ContourMode::front_facing, "ekman6"));
-    RealtimeWorkspace workspace = meshes.make_workspace();
-    const std::vector<LandmarkSet>& sets = faces(-1);
-    JointWorkspace joint = fitter->make_workspace();
-    JointFitResult result;
-    std::vector<FitResult> fits(sets.size());
-    Eigen::MatrixXf shapes;
-    for (auto _ : state) {
-        for (std::size_t f = 0; f < sets.size(); ++f) {
-            fitter->fit(sets[f], centre, joint, result);
-            std::swap(fits[f], result.fit);
-        }
-        meshes.shapes_of(fits, workspace, shapes);
-        benchmark::DoNotOptimize(shapes.data());
-    }
-    state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(sets.size()));
-}
-
 /// Share of fits that differ, and the largest vertex distance of the others [um].
 void report_agreement(const Kernels& kernels, const char* name, const FitOptions& options, int yaw_deg)
 {
@@ -508,7 +286,7 @@ void register_reference()
 {
     const auto add_fit = [](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
         const FitOptions options = options_of(mode, expressions);
-        for (const Mesh mesh : {Mesh::none, Mesh::as_stored}) {
+        for (const MeshKind mesh : {MeshKind::none, MeshKind::as_stored}) {
             add("reference/" + name + suffix_of(mesh),
                 [=](benchmark::State& s) { reference_fit(s, options, yaw_deg, mesh); });
         }
@@ -519,9 +297,9 @@ void register_reference()
     for (const char* name : {"ekman6", "arkit47"}) {
         const std::string set = name;
         add("reference/warm_step_" + set, [=](benchmark::State& s) { reference_warm_step(s, set); });
-        add("reference/frozen_" + set, [=](benchmark::State& s) { reference_frozen_step(s, set, Mesh::none); });
+        add("reference/frozen_" + set, [=](benchmark::State& s) { reference_frozen_step(s, set, MeshKind::none); });
         add("reference/frozen_mesh_" + set,
-            [=](benchmark::State& s) { reference_frozen_step(s, set, Mesh::as_stored); });
+            [=](benchmark::State& s) { reference_frozen_step(s, set, MeshKind::as_stored); });
         add("reference/mesh_" + set, [=](benchmark::State& s) { reference_meshes(s, set, 1); });
         add("reference/mesh_batch_" + set, [=](benchmark::State& s) { reference_meshes(s, set, batch_size); });
         add("reference/sweep_10_" + set, [=](benchmark::State& s) { reference_sweep(s, set, 10); });
@@ -534,15 +312,15 @@ void register_limits(const Kernels& kernels)
     const std::string prefix = std::string(kernels.name) + "/limit/";
     for (const std::string name : {"ekman6", "arkit47"}) {
         const FitOptions options = options_of(ContourMode::fixed, name);
-        const auto bytes_of = [&](Mesh mesh, bool is_frozen) {
+        const auto bytes_of = [&](MeshKind mesh, bool is_frozen) {
             const RealtimeFitter& fitter = fitter_of(kernels, options, mesh);
             const MeshBytes columns = fitter.mesh_bytes();
             const std::size_t start = 3 * sizeof(float) * static_cast<std::size_t>(face_model().num_vertices());
             return static_cast<std::int64_t>(start + columns.expression + (is_frozen ? 0 : columns.identity));
         };
-        bench::add_read_limit(prefix + "mesh_" + name, kernels, bytes_of(Mesh::as_stored, false));
-        bench::add_read_limit(prefix + "mesh_single_" + name, kernels, bytes_of(Mesh::single, false));
-        bench::add_read_limit(prefix + "mesh_of_frozen_" + name, kernels, bytes_of(Mesh::as_stored, true));
+        bench::add_read_limit(prefix + "mesh_" + name, kernels, bytes_of(MeshKind::as_stored, false));
+        bench::add_read_limit(prefix + "mesh_single_" + name, kernels, bytes_of(MeshKind::single, false));
+        bench::add_read_limit(prefix + "mesh_of_frozen_" + name, kernels, bytes_of(MeshKind::as_stored, true));
         bench::add_arithmetic_limit(prefix + "mesh_batch_" + name, kernels, 2 * batch_size * mesh_numbers(name));
     }
 }
@@ -552,7 +330,7 @@ void register_parts(const Kernels& kernels)
     const std::string prefix = std::string(kernels.name) + "/";
     const auto add_fit = [&](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
         const FitOptions options = options_of(mode, expressions);
-        for (const Mesh mesh : {Mesh::none, Mesh::as_stored, Mesh::single}) {
+        for (const MeshKind mesh : {MeshKind::none, MeshKind::as_stored, MeshKind::single}) {
             add(prefix + name + suffix_of(mesh),
                 [=, &kernels](benchmark::State& s) { whole_fit(s, kernels, options, yaw_deg, mesh); });
         }
@@ -560,40 +338,22 @@ void register_parts(const Kernels& kernels)
     add_fit("front", ContourMode::front_facing, "ekman6", -1);
     add_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
     add_fit("both_yaw30", ContourMode::both, "ekman6", 30);
-    const auto add_joint_fit = [&](const std::string& name, ContourMode mode, const char* expressions, int yaw_deg) {
-        for (const Mesh mesh : {Mesh::none, Mesh::as_stored}) {
-            add(prefix + "joint_" + name + suffix_of(mesh),
-                [=, &kernels](benchmark::State& s) { joint_fit(s, kernels, mode, expressions, yaw_deg, mesh); });
-        }
-    };
-    add_joint_fit("front", ContourMode::front_facing, "ekman6", -1);
-    add_joint_fit("front_arkit47", ContourMode::front_facing, "arkit47", -1);
-    add_joint_fit("both_yaw30", ContourMode::both, "ekman6", 30);
     add(prefix + "batch",
         [&](benchmark::State& s) { batch(s, kernels, options_of(ContourMode::front_facing, "ekman6")); })
         ->Threads(2)
         ->UseRealTime();
-    for (const bool with_covariance : {true, false}) {
-        add(prefix + (with_covariance ? "joint_batch" : "joint_batch_without_covariance"),
-            [=, &kernels](benchmark::State& s) { joint_batch(s, kernels, with_covariance); })
-            ->Threads(2)
-            ->UseRealTime();
-    }
     for (const char* name : {"ekman6", "arkit47"}) {
         const std::string set = name;
         const auto add_part = [&](const std::string& part, auto function) {
             add(prefix + part + "_" + set, [=, &kernels](benchmark::State& s) { function(s, kernels, set); });
         };
         add_part("warm_step", warm_step);
-        add_part("joint_warm", [](auto& s, const Kernels& k, const auto& e) { joint_warm_fit(s, k, e, true); });
-        add_part("joint_step", [](auto& s, const Kernels& k, const auto& e) { joint_warm_fit(s, k, e, false); });
-        add_part("joint_frozen", joint_frozen_step);
-        add_part("joint_frames_10", [](auto& s, const Kernels& k, const auto& e) { joint_frames(s, k, e, 10); });
-        add_part("frozen", [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::none); });
+        add_part("frozen", [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, MeshKind::none); });
         add_part("frozen_mesh",
-                 [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, Mesh::as_stored); });
-        add_part("mesh", [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, Mesh::as_stored); });
-        add_part("mesh_single", [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, Mesh::single); });
+                 [](auto& s, const Kernels& k, const auto& e) { frozen_step(s, k, e, MeshKind::as_stored); });
+        add_part("mesh", [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, MeshKind::as_stored); });
+        add_part("mesh_single",
+                 [](auto& s, const Kernels& k, const auto& e) { mesh_alone(s, k, e, MeshKind::single); });
         add_part("mesh_of_frozen", frozen_mesh_alone);
         add_part("mesh_batch", mesh_batch);
         add_part("sweep_10", [](auto& s, const Kernels& k, const auto& e) { sweep(s, k, e, 10); });
@@ -603,12 +363,13 @@ void register_parts(const Kernels& kernels)
 
 void register_all()
 {
-    add("calibration", bench::calibration);
+    add("calibration", calibration);
     register_reference();
     for (const Kernels* kernels : kernels::supported_kernels()) {
         register_parts(*kernels);
         register_limits(*kernels);
-        bench::register_kernels(*kernels);
+        register_joint_parts(*kernels);
+        register_kernels(*kernels);
     }
 }
 
