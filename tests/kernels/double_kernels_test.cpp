@@ -97,6 +97,24 @@ TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
     EXPECT_THAT(projected, IsNear(expected, 1e-6));
 }
 
+TEST_P(DoubleKernelsTest, AddsPointsEachTurnedToItsTarget)
+{
+    const int width = 24, out_width = 32, num_points = 4, num_targets = 3;
+    const int targets[num_points] = {2, -1, 0, 2}; // one takes two points, one none
+    const AlignedBuffer<float> rows = random_floats(random, 3 * num_points * width);
+    const AlignedBuffer<double> matrices = random_doubles(random, 9 * num_points);
+    AlignedBuffer<float> out = random_floats(random, 3 * num_targets * out_width);
+    Eigen::MatrixXd expected = matrix_of(out, 3 * num_targets, out_width); // the other columns are left alone
+    kernels.add_turned_points(rows.data(), width, num_points, matrices.data(), targets, out.data(), out_width);
+    for (int i = 0; i < num_points; ++i) {
+        if (targets[i] >= 0) {
+            expected.block(3 * targets[i], 0, 3, width) += matrix_of(matrices, 3 * num_points, 3).middleRows(3 * i, 3) *
+                                                           matrix_of(rows, 3 * num_points, width).middleRows(3 * i, 3);
+        }
+    }
+    EXPECT_THAT(matrix_of(out, 3 * num_targets, out_width), IsNear(expected, 1e-5));
+}
+
 TEST_P(DoubleKernelsTest, AddsGramMatrixOfLowerTriangle)
 {
     for (const int n : {1, 8, 21, 40, 70}) {

@@ -93,18 +93,20 @@ struct JointSystem
     Eigen::VectorXd up = {};
 
     // Needed for the scale term and to recover the biases:
-    std::vector<Eigen::MatrixXd> image_grams = {};     ///< Of several images or with biases: J^T W J of the unknowns
-                                                       ///< that move each, priors left out; lower triangle.
-    std::vector<Eigen::MatrixXd> image_couplings = {}; ///< With the biases, each image's own part, x 3L.
-    Eigen::MatrixXd bias_blocks = {};                  ///< 3 x 3L, the biases' own blocks, priors left out.
-    Eigen::MatrixXd bias_coupling = {};                ///< K x 3L.
-    Eigen::MatrixXd bias_inverse = {};                 ///< 3 x 3L, inverse blocks.
-    Eigen::Matrix3Xd bias_gradient = {};               ///< 3 x L.
+    std::vector<Eigen::MatrixXd> image_grams = {}; ///< Of several images or with biases: J^T W J of the unknowns
+                                                   ///< that move each, priors left out; lower triangle.
+    Eigen::MatrixXd bias_coupling = {};            ///< K x 3L; by kernels the coupling rows instead.
+    Eigen::MatrixXd bias_inverse = {};             ///< 3 x 3L, inverse blocks.
+    Eigen::Matrix3Xd bias_gradient = {};           ///< 3 x L.
+    AlignedBuffer<float> coupling_rows = {};       ///< Three for each bias that has points, all of its columns.
+    std::vector<int> rows_of_biases = {};          ///< L, where among these its three are, in threes, or -1.
+    int num_coupling_rows = 0;
 
     // Kept for their room:
     std::vector<PointTerms> terms = {}; ///< Of each image.
     AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {};
     AlignedBuffer<double> factors = {}, sums = {};
+    std::vector<int> targets = {};
 };
 
 /// A round may change a scale by this factor at most: where no face explains the landmarks the energy has no minimum
@@ -190,6 +192,12 @@ public:
     /// Unknowns of the system's matrix that move an image, as positions in [shared | own].
     [[nodiscard]] std::vector<int> unknowns_of_image(std::size_t image, const std::vector<int>& unknowns) const;
 
+    /// n_f of every image, where there are several or biases.
+    /// @param linear   Unknowns without cameras, as positions in the system's matrix.
+    /// @param columns  Those of alpha, of the inverse of these unknowns' block.
+    [[nodiscard]] std::vector<double> scale_strengths(const JointState& state, const std::vector<int>& linear,
+                                                      const Eigen::MatrixXd& columns, JointSystem& system) const;
+
     /// How far each unknown may go down and up.
     void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
 
@@ -211,6 +219,20 @@ private:
     void set_gradient(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
     void add_gradient(std::size_t image, const JointState& state, JointSystem& system) const;
     void set_couplings(const JointState& state, JointSystem& system) const;
+    void set_coupling_rows(const JointState& state, int num_rows, JointSystem& system) const;
+    /// Of coupling rows: [shared | own of each image], each part filled up.
+    [[nodiscard]] int coupling_column(Eigen::Index unknown) const
+    {
+        const int shared = static_cast<int>(num_shared()), own = static_cast<int>(num_own());
+        const int in_own = static_cast<int>(unknown) - shared;
+        return in_own < 0 ? static_cast<int>(unknown)
+                          : kernels::round_up(shared, kernels::width_step) +
+                                in_own / own * kernels::round_up(own, kernels::width_step) + in_own % own;
+    }
+    [[nodiscard]] int coupling_width() const { return coupling_column(num_unknowns()); }
+    [[nodiscard]] Eigen::MatrixXd bias_spread(const std::vector<int>& linear, const Eigen::MatrixXd& columns,
+                                              JointSystem& system) const;
+    [[nodiscard]] Eigen::Matrix3Xd bias_pulls(const JointSystem& system, const Eigen::VectorXd& step) const;
     void eliminate_bias_gradient(JointSystem& system) const;
     void set_hessian(const JointState& state, JointSystem& system) const;
     void eliminate_bias_hessian(JointSystem& system) const;

@@ -125,7 +125,6 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
             linear.push_back(i);
         }
     }
-    const Eigen::Index size = system.hessian.rows();
     const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
     PositiveFactor of_linear(problem.kernels);
     const bool is_leading = num_linear == 0 || linear.back() + 1 == num_linear;
@@ -144,42 +143,13 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
         set_scale_strength(problem, 0, strength, system);
         return;
     }
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse(linear, linear) = lambda.inverse(num_linear);
-    const Eigen::Index num_shared =
-        std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.num_shared()) -
-        system.unknowns.begin();
-    Eigen::MatrixXd spread; // - covariance of the shared unknowns with the biases
-    if (num_biases > 0) {
-        Eigen::MatrixXd scaled(size, 3 * num_biases); // the coupling times the biases' inverse blocks
-        for (Eigen::Index b = 0; b < num_biases; ++b) {
-            const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(system.unknowns, Eigen::all);
-            scaled.middleCols<3>(3 * b).noalias() = coupling * system.bias_inverse.middleCols<3>(3 * b);
-        }
-        spread.noalias() = inverse.topRows(num_shared) * scaled;
-    }
-    for (std::size_t f = 0; f < problem.images.size(); ++f) {
-        const std::vector<int> positions = problem.unknowns_of_image(f, system.unknowns);
-        const Eigen::Index shared =
-            std::lower_bound(positions.begin(), positions.end(), problem.num_shared()) - positions.begin();
-        const Eigen::Index own = static_cast<Eigen::Index>(positions.size()) - shared;
-        const Eigen::Index begin =
-            std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.own_begin(f)) -
-            system.unknowns.begin();
-        const Eigen::MatrixXd& gram = system.image_grams[f];
-        double strength = 0;
-        for (Eigen::Index j = 0; j < shared; ++j) { // of symmetric matrices: below the diagonal all counts twice
-            const Eigen::Index below = shared - 1 - j;
-            strength += gram(j, j) * inverse(j, j) +
-                        2 * gram.col(j).segment(j + 1, below).dot(inverse.col(j).segment(j + 1, below));
-        }
-        strength += gram.bottomLeftCorner(own, shared).cwiseProduct(inverse.block(begin, 0, own, shared)).sum();
-        if (num_biases > 0) {
-            const Eigen::MatrixXd coupling =
-                system.image_couplings[f](std::vector<int>(positions.begin(), positions.begin() + shared), Eigen::all);
-            strength -= coupling.cwiseProduct(spread).sum();
-        }
-        set_scale_strength(problem, f, strength, system);
+    const auto num_alpha = std::count_if(linear.begin(), linear.end(), [&](int position) {
+        return system.unknowns[static_cast<std::size_t>(position)] < problem.num_shape();
+    });
+    const std::vector<double> strengths =
+        problem.scale_strengths(state, linear, lambda.inverse_columns(num_linear, num_alpha), system);
+    for (std::size_t f = 0; f < strengths.size(); ++f) {
+        set_scale_strength(problem, f, strengths[f], system);
     }
 }
 

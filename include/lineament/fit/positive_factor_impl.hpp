@@ -115,6 +115,23 @@ public:
         return trace(inverse_root(n).leftCols(count));
     }
 
+    /// The leading `count` columns of the inverse of the leading n unknowns' block.
+    [[nodiscard]] Eigen::MatrixXd inverse_columns(Eigen::Index n, Eigen::Index count)
+    {
+        if (kernels_ == nullptr || !is_single_) {
+            return inverse(n).leftCols(count);
+        }
+        const auto root = set_root(n, single_.data(), single_root_, kernels_->invert_factor_float);
+        const int width = static_cast<int>(root.outerStride());
+        const int num_rows = kernels::round_up(static_cast<int>(count), 4);
+        Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, num_rows * width), num_rows, width);
+        gram.setZero();
+        kernels_->add_leading_gram(root.data(), static_cast<int>(n), static_cast<int>(count), width, gram.data());
+        Eigen::MatrixXd columns = gram.topLeftCorner(count, n).transpose().template cast<double>();
+        columns.topRows(count).triangularView<Eigen::StrictlyUpper>() = columns.topRows(count).transpose();
+        return columns;
+    }
+
     /// The inverse of the leading n unknowns' block, in memory of the factor, which the next one takes.
     [[nodiscard]] Square inverse(Eigen::Index n)
     {
@@ -227,7 +244,7 @@ private:
     AlignedBuffer<double> inverses_ = {}; ///< 1 / U_ii.
     AlignedBuffer<float> single_inverses_ = {};
     AlignedBuffer<double> solved_ = {}, root_ = {}, gram_ = {};
-    AlignedBuffer<float> single_solved_ = {}, single_root_ = {};
+    AlignedBuffer<float> single_solved_ = {}, single_root_ = {}, single_gram_ = {};
     Eigen::LLT<Eigen::MatrixXd> cholesky_ = {};
 };
 

@@ -262,6 +262,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     multiply_wide,
                                     add_wide,
                                     project_points,
+                                    add_turned_points,
                                     camera_residuals,
                                     camera_derivatives,
                                     add_lower_gram,
