@@ -13,6 +13,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <span>
 #include <vector>
 
 namespace lineament::detail {
@@ -25,6 +27,8 @@ LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, J
         return;
     }
     system.bias_inverse.setZero(3, 3 * num_biases);
+    system.bias_points.setZero(3, 3 * num_biases);
+    system.bias_cross.setZero(3, 3 * num_biases);
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         system.bias_inverse.middleCols<3>(3 * b).diagonal() = bias_variances_mm.col(b).cwiseInverse();
     }
@@ -33,9 +37,12 @@ LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, J
     for (std::size_t f = 0; f < images.size(); ++f) {
         for (std::size_t i = 0; i < images[f].used.size(); ++i) {
             if (const int b = images[f].used[i].bias_index; b >= 0) {
-                const Eigen::Matrix<double, 2, 3> by_bias =
-                    own_scale(f, state) * system.terms[f].by_point(static_cast<Eigen::Index>(i));
-                system.bias_inverse.middleCols<3>(3 * b).noalias() += by_bias.transpose() * by_bias;
+                const double scale = own_scale(f, state);
+                const Eigen::Matrix<double, 2, 3> by_point = system.terms[f].by_point(static_cast<Eigen::Index>(i));
+                const Eigen::Matrix3d squares = by_point.transpose() * by_point;
+                system.bias_points.middleCols<3>(3 * b) += squares;
+                system.bias_cross.middleCols<3>(3 * b) += scale * squares;
+                system.bias_inverse.middleCols<3>(3 * b) += scale * scale * squares;
                 rows_of_biases[static_cast<std::size_t>(b)] = 0;
             }
         }
@@ -148,42 +155,38 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_s
     gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
 }
 
-/// In single precision. What it leaves out changes the way of a step, not where the steps end: the gradient is kept in
-/// double precision.
-LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, double own_scale,
-                                                            const std::vector<int>& unknowns, JointSystem& system,
-                                                            Eigen::MatrixXd& gram) const
+/// The rows of J of an image in single precision, two a point, with all of alpha from one column on and some other
+/// unknowns from another on, both filled up with zeros.
+/// @param others  As positions in [shared | own].
+LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own_scale, std::span<const int> others,
+                                                   int alpha_begin, int others_begin, int width,
+                                                   JointSystem& system) const
 {
     const PointTerms& terms = system.terms[image];
     const PackedPoints& points = images[image].points;
     const int num_points = static_cast<int>(terms.residuals.rows()), num_rows = 2 * num_points;
     const int shape_width = points.identity.width(), expression_width = points.expression.width();
-    const int size = static_cast<int>(unknowns.size()), shape_size = static_cast<int>(num_shape());
-
-    // Columns are [all of alpha, filled up | the other unknowns, filled up].
-    const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), shape_size);
-    const auto own = std::lower_bound(others, unknowns.end(), static_cast<int>(num_shared()));
-    const int camera_begin = static_cast<int>(num_shared() + num_expressions_);
-    const auto camera = std::lower_bound(own, unknowns.end(), camera_begin);
-    const int num_alpha = static_cast<int>(others - unknowns.begin());
-    const int width = kernels::round_up(shape_width + size - num_alpha, kernels::width_step);
+    const int shared = static_cast<int>(num_shared()), camera_begin = shared + static_cast<int>(num_expressions_);
+    const auto own = std::lower_bound(others.begin(), others.end(), shared);
+    const auto camera = std::lower_bound(own, others.end(), camera_begin);
     float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width);
     float* by_psi = room_for(system.expression_rows, static_cast<Eigen::Index>(num_rows) * expression_width);
     double* jacobians = room_for(system.factors, 3 * num_rows);
     Eigen::Map<Eigen::MatrixXd> by_point(jacobians, 6, num_points);
     by_point = terms.derivatives.leftCols<6>().transpose();
-    kernels->project_points(points.identity.data(), shape_width, num_points, jacobians, rows, width);
+    kernels->project_points(points.identity.data(), shape_width, num_points, jacobians, rows + alpha_begin, width);
     by_point *= own_scale;
     kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, by_psi,
                             expression_width);
-    const int end = width - shape_width;
+    const int alpha_end = alpha_begin < others_begin ? others_begin : width;
+    const int others_end = alpha_begin < others_begin ? width : alpha_begin;
     for (int i = 0; i < num_points; ++i) {
-        float* first = rows + 2 * i * width + shape_width;
+        float* first = rows + 2 * i * width;
         float* second = first + width;
-        const int of_point = 2 * i * expression_width - static_cast<int>(num_shared());
+        const int of_point = 2 * i * expression_width - shared;
         const auto derivative = [&](int column) { return static_cast<float>(terms.derivatives(i, column)); };
-        int c = 0;
-        if (others != own) { // phi
+        int c = others_begin;
+        if (others.begin() != own) { // phi
             first[c] = derivative(18);
             second[c++] = derivative(19);
         }
@@ -191,14 +194,31 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
             first[c] = by_psi[of_point + *unknown];
             second[c] = by_psi[of_point + expression_width + *unknown];
         }
-        for (auto unknown = camera; unknown != unknowns.end(); ++unknown, ++c) {
+        for (auto unknown = camera; unknown != others.end(); ++unknown, ++c) {
             first[c] = derivative(6 + *unknown - camera_begin);
             second[c] = derivative(12 + *unknown - camera_begin);
         }
-        for (; c < end; ++c) {
-            first[c] = second[c] = 0;
+        for (float* row : {first, second}) {
+            std::fill(row + c, row + others_end, 0.0f);
+            std::fill(row + alpha_begin + shape_width, row + alpha_end, 0.0f);
         }
     }
+    return rows;
+}
+
+/// In single precision. What it leaves out changes the way of a step, not where the steps end: the gradient is kept in
+/// double precision.
+LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, double own_scale,
+                                                            const std::vector<int>& unknowns, JointSystem& system,
+                                                            Eigen::MatrixXd& gram) const
+{
+    const int num_rows = 2 * static_cast<int>(system.terms[image].residuals.rows());
+    const int shape_width = images[image].points.identity.width();
+    const int size = static_cast<int>(unknowns.size()), shape_size = static_cast<int>(num_shape());
+    const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), shape_size);
+    const int num_alpha = static_cast<int>(others - unknowns.begin());
+    const int width = kernels::round_up(shape_width + size - num_alpha, kernels::width_step);
+    const float* rows = set_rows(image, own_scale, {others, unknowns.end()}, 0, shape_width, width, system);
     float* sums = room_for(system.gram, static_cast<Eigen::Index>(width) * width);
     std::fill_n(sums, width * width, 0.0f);
     kernels->add_gram(rows, num_rows, width, sums);
@@ -230,11 +250,12 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
     const Eigen::Index shared = is_before(num_shared());
     if (images.size() == 1 && state.bias.size() == 0) {
         set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian);
+    } else if (kernels != nullptr) {
+        set_grams_by_kernels(state, system);
     } else {
         system.hessian.setZero(size, size);
-        system.image_grams.resize(images.size());
+        Eigen::MatrixXd gram;
         for (std::size_t f = 0; f < images.size(); ++f) {
-            Eigen::MatrixXd& gram = system.image_grams[f];
             set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram);
             const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
             system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
@@ -258,61 +279,176 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
             system.hessian(i, i) += std::pow(options_.expression_sigma, -2);
         }
     }
-    if (state.bias.size() > 0) {
+    if (state.bias.size() > 0 && kernels == nullptr) {
         eliminate_bias_hessian(system);
     }
 }
 
-/// The matrix less C V C^T, of the coupling C and the biases' inverse blocks V = L L^T; in single precision, as
-/// J^T W J, where there are kernels.
+/// The matrix less C V C^T, of the coupling C and the biases' inverse blocks V = L L^T.
 LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_hessian(JointSystem& system) const
 {
-    const Eigen::Index size = system.hessian.rows(), num_biases = system.bias_inverse.cols() / 3;
-    if (kernels == nullptr) {
-        Eigen::MatrixXd scaled(size, 3 * num_biases); // C L
-        for (Eigen::Index b = 0; b < num_biases; ++b) {
-            const Eigen::Matrix3d root = Eigen::Matrix3d(system.bias_inverse.middleCols<3>(3 * b)).llt().matrixL();
-            scaled.middleCols<3>(3 * b) = system.bias_coupling.middleCols<3>(3 * b)(system.unknowns, Eigen::all) * root;
+    Eigen::MatrixXd scaled(system.hessian.rows(), system.bias_inverse.cols()); // C L
+    for (Eigen::Index b = 0; b < scaled.cols(); b += 3) {
+        const Eigen::Matrix3d root = Eigen::Matrix3d(system.bias_inverse.middleCols<3>(b)).llt().matrixL();
+        scaled.middleCols<3>(b) = system.bias_coupling.middleCols<3>(b)(system.unknowns, Eigen::all) * root;
+    }
+    system.hessian.selfadjointView<Eigen::Lower>().rankUpdate(scaled, -1.0);
+}
+
+/// The matrix without priors, biases eliminated, of several images or with biases: as set_gram_by_kernels.
+LINEAMENT_FIT_INLINE void JointProblem::set_grams_by_kernels(const JointState& state, JointSystem& system) const
+{
+    const bool has_biases = state.bias.size() > 0;
+    const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
+    system.hessian.resize(size, size);
+    if (has_biases) {
+        set_less_biases(system);
+    } else {
+        system.hessian.setZero();
+    }
+    const auto others = std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(num_shape()));
+    const Eigen::Index num_alpha = others - system.unknowns.begin();
+    const int shape_width = kernels::round_up(static_cast<int>(num_shape()), kernels::width_step);
+    float* shape_gram = room_for(system.shape_gram, shape_width * shape_width);
+    std::fill_n(shape_gram, shape_width * shape_width, 0.0f);
+    if (has_biases) {
+        add_shape_gram_of_biases(system, shape_gram);
+    }
+    Eigen::Index own_begin = // among the unknowns
+        std::lower_bound(others, system.unknowns.end(), static_cast<int>(num_shared())) - system.unknowns.begin();
+    const Eigen::Index num_phi = own_begin - num_alpha;
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        const std::vector<int> of_image = unknowns_of_image(f, system.unknowns);
+        const std::span<const int> others_of_image = std::span(of_image).subspan(static_cast<std::size_t>(num_alpha));
+        const int num_others = static_cast<int>(others_of_image.size());
+        const int alpha_begin = kernels::round_up(num_others, kernels::width_step), width = alpha_begin + shape_width;
+        float* rows = set_rows(f, own_scale(f, state), others_of_image, alpha_begin, 0, width, system);
+        const int num_rows = 2 * static_cast<int>(images[f].used.size());
+        float* gram = room_for(system.gram, static_cast<Eigen::Index>(alpha_begin) * width);
+        std::fill_n(gram, alpha_begin * width, 0.0f);
+        kernels->add_leading_gram(rows, num_rows, num_others, width, gram);
+        for (Eigen::Index j = 0; j < num_others; ++j) {
+            const float* row = gram + j * width;
+            const Eigen::Index to = j < num_phi ? num_alpha + j : own_begin + j - num_phi;
+            for (Eigen::Index i = j; i < num_others; ++i) {
+                system.hessian(i < num_phi ? num_alpha + i : own_begin + i - num_phi, to) += row[i];
+            }
+            for (Eigen::Index i = 0; i < num_alpha; ++i) {
+                system.hessian(to, i) += row[alpha_begin + system.unknowns[static_cast<std::size_t>(i)]];
+            }
         }
-        system.hessian.selfadjointView<Eigen::Lower>().rankUpdate(scaled, -1.0);
-        return;
+        own_begin += num_others - num_phi;
+
+        // Of alpha alone the rows that are not those of biases, one behind the other.
+        float* end = rows;
+        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
+            for (std::size_t row = 2 * i; row < 2 * i + 2 && !(has_biases && images[f].used[i].bias_index >= 0);
+                 ++row) {
+                end = std::copy_n(rows + static_cast<int>(row) * width + alpha_begin, shape_width, end);
+            }
+        }
+        kernels->add_gram(rows, static_cast<int>(end - rows) / shape_width, shape_width, shape_gram);
     }
-    std::vector<int> columns;
-    columns.reserve(system.unknowns.size());
-    for (const int unknown : system.unknowns) {
-        columns.push_back(coupling_column(unknown));
+    for (Eigen::Index j = 0; j < num_alpha; ++j) {
+        const float* row = shape_gram + system.unknowns[static_cast<std::size_t>(j)] * shape_width;
+        for (Eigen::Index i = j; i < num_alpha; ++i) {
+            system.hessian(i, j) = row[system.unknowns[static_cast<std::size_t>(i)]];
+        }
     }
-    const int width = kernels::round_up(static_cast<int>(size), kernels::width_step);
-    const int num_rows = system.num_coupling_rows, from_width = coupling_width();
-    float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width); // L^T C^T
-    float* gram = room_for(system.gram, static_cast<Eigen::Index>(width) * width);
-    for (Eigen::Index b = 0; b < num_biases; ++b) {
-        const int row = 3 * system.rows_of_biases[static_cast<std::size_t>(b)];
+}
+
+/// The matrix's part -C V C^T, of the coupling C and the biases' inverse blocks V = L L^T, but the block of alpha.
+LINEAMENT_FIT_INLINE void JointProblem::set_less_biases(JointSystem& system) const
+{
+    const auto begin = std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(num_shape()));
+    const Eigen::Index num_alpha = begin - system.unknowns.begin();
+    std::vector<int> columns; // of the other unknowns
+    std::transform(begin, system.unknowns.end(), std::back_inserter(columns),
+                   [&](int unknown) { return coupling_column(unknown); });
+    const int num_others = static_cast<int>(columns.size());
+    const int alpha_begin = kernels::round_up(num_others, kernels::width_step);
+    const int shape_width = kernels::round_up(static_cast<int>(num_shape()), kernels::width_step);
+    const int width = alpha_begin + shape_width, from_width = coupling_width();
+    float* rows = room_for(system.rows, static_cast<Eigen::Index>(system.num_coupling_rows) * width); // L^T C^T
+    for (std::size_t b = 0; b < system.rows_of_biases.size(); ++b) {
+        const int row = 3 * system.rows_of_biases[b];
         if (row < 0) {
             continue;
         }
-        const Eigen::Matrix3d inverse = system.bias_inverse.middleCols<3>(3 * b);
+        const Eigen::Matrix3d inverse = system.bias_inverse.middleCols<3>(3 * static_cast<Eigen::Index>(b));
         const Eigen::Matrix3f root = Eigen::Matrix3d(inverse.llt().matrixL()).cast<float>();
         const float* from = system.coupling_rows.data() + row * from_width;
         float* to = rows + row * width;
-        for (Eigen::Index i = 0; i < size; ++i) {
-            const int c = columns[static_cast<std::size_t>(i)];
-            const float x = from[c], y = from[from_width + c], z = from[2 * from_width + c];
-            to[i] = root(0, 0) * x + root(1, 0) * y + root(2, 0) * z;
-            to[width + i] = root(1, 1) * y + root(2, 1) * z;
-            to[2 * width + i] = root(2, 2) * z;
+        const auto set = [&](int c, int from_c) {
+            const float x = from[from_c], y = from[from_width + from_c], z = from[2 * from_width + from_c];
+            to[c] = root(0, 0) * x + root(1, 0) * y + root(2, 0) * z;
+            to[width + c] = root(1, 1) * y + root(2, 1) * z;
+            to[2 * width + c] = root(2, 2) * z;
+        };
+        for (int c = 0; c < num_others; ++c) {
+            set(c, columns[static_cast<std::size_t>(c)]);
         }
         for (int axis = 0; axis < 3; ++axis) {
-            std::fill(to + axis * width + size, to + (axis + 1) * width, 0.0f);
+            std::fill(to + axis * width + num_others, to + axis * width + alpha_begin, 0.0f);
+        }
+        for (int c = 0; c < shape_width; ++c) {
+            set(alpha_begin + c, c);
         }
     }
-    std::fill_n(gram, width * width, 0.0f);
-    kernels->add_gram(rows, num_rows, width, gram);
-    for (Eigen::Index j = 0; j < size; ++j) {
-        for (Eigen::Index i = j; i < size; ++i) {
-            system.hessian(i, j) -= gram[j * width + i];
+    float* gram = room_for(system.gram, static_cast<Eigen::Index>(alpha_begin) * width);
+    std::fill_n(gram, alpha_begin * width, 0.0f);
+    kernels->add_leading_gram(rows, system.num_coupling_rows, num_others, width, gram);
+    for (Eigen::Index j = 0; j < num_others; ++j) {
+        const float* row = gram + j * width;
+        for (Eigen::Index i = j; i < num_others; ++i) {
+            system.hessian(num_alpha + i, num_alpha + j) = -row[i];
+        }
+        for (Eigen::Index i = 0; i < num_alpha; ++i) {
+            system.hessian(num_alpha + j, i) = -row[alpha_begin + system.unknowns[static_cast<std::size_t>(i)]];
         }
     }
+}
+
+/// R with R^T R = A, positive semi-definite.
+[[nodiscard]] inline Eigen::Matrix3d root_of(Eigen::Matrix3d a)
+{
+    Eigen::Matrix3d root = Eigen::Matrix3d::Zero();
+    const double least = 1e-12 * a.trace(); // below is rounding
+    for (int k = 0; k < 3; ++k) {
+        if (a(k, k) > least) {
+            root.row(k) = a.row(k) / std::sqrt(a(k, k));
+            a.noalias() -= root.row(k).transpose() * root.row(k);
+        }
+    }
+    return root;
+}
+
+/// Points with a bias are the same in all images, so that what images say of a point, its bias eliminated, is summed
+/// first: A = Q - P V P with Q = sum by_point^T by_point, P the same times the images' own scales.
+LINEAMENT_FIT_INLINE void JointProblem::add_shape_gram_of_biases(JointSystem& system, float* gram) const
+{
+    const int width = kernels::round_up(static_cast<int>(num_shape()), kernels::width_step);
+    float* rows = room_for(system.rows, static_cast<Eigen::Index>(system.num_coupling_rows) * width);
+    std::fill_n(rows, system.num_coupling_rows * width, 0.0f);
+    std::vector<bool> is_done(system.rows_of_biases.size(), false);
+    for (const JointImage& image : images) {
+        const std::size_t num_points = image.used.size();
+        double* roots = room_for(system.factors, 9 * static_cast<Eigen::Index>(num_points));
+        system.targets.assign(num_points, -1);
+        for (std::size_t i = 0; i < num_points; ++i) {
+            const int b = image.used[i].bias_index;
+            if (b >= 0 && !is_done[static_cast<std::size_t>(b)]) {
+                is_done[static_cast<std::size_t>(b)] = true;
+                system.targets[i] = system.rows_of_biases[static_cast<std::size_t>(b)];
+                const Eigen::Matrix3d cross = system.bias_cross.middleCols<3>(3 * b);
+                Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(roots + 9 * i) = root_of(
+                    system.bias_points.middleCols<3>(3 * b) - cross * system.bias_inverse.middleCols<3>(3 * b) * cross);
+            }
+        }
+        kernels->add_turned_points(image.points.identity.data(), image.points.identity.width(),
+                                   static_cast<int>(num_points), roots, system.targets.data(), rows, width);
+    }
+    kernels->add_gram(rows, system.num_coupling_rows, width, gram);
 }
 
 /// The covariance of alpha with the biases, -Lambda^-1 C V; held coefficients are 0.
@@ -322,40 +458,40 @@ JointProblem::bias_spread(const std::vector<int>& linear, const Eigen::MatrixXd&
     const Eigen::Index num_linear = columns.rows(), num_alpha = columns.cols();
     const Eigen::Index num_biases = static_cast<Eigen::Index>(system.rows_of_biases.size());
     Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(num_shape(), 3 * num_biases);
-    std::vector<int> unknowns;
-    for (const int position : linear) {
-        unknowns.push_back(system.unknowns[static_cast<std::size_t>(position)]);
-    }
-    const std::vector<int> alpha(unknowns.begin(), unknowns.begin() + num_alpha);
     if (kernels == nullptr) {
+        const std::vector<int> alpha(linear.begin(), linear.begin() + num_alpha);
         for (Eigen::Index b = 0; b < num_biases; ++b) {
-            const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(unknowns, Eigen::all);
+            const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(linear, Eigen::all);
             spread.middleCols<3>(3 * b)(alpha, Eigen::all) =
                 -columns.transpose() * (coupling * system.bias_inverse.middleCols<3>(3 * b));
         }
         return spread;
     }
     const int width = kernels::round_up(static_cast<int>(num_alpha), kernels::width_step);
+    const int from_width = coupling_width();
     using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     Eigen::Map<Rows> rows(room_for(system.rows, num_linear * width), num_linear, width);
     rows.leftCols(num_alpha) = columns.cast<float>();
     rows.rightCols(width - num_alpha).setZero();
     float* sums = room_for(system.gram, width);
-    Eigen::VectorXf factors(num_linear);
+    std::vector<int> from_columns;
+    std::transform(linear.begin(), linear.end(), std::back_inserter(from_columns),
+                   [&](int unknown) { return coupling_column(unknown); });
+    std::vector<float> factors(linear.size());
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         const int row = system.rows_of_biases[static_cast<std::size_t>(b)];
         for (int axis = 0; axis < 3 && row >= 0; ++axis) {
             const Eigen::Vector3f inverse = system.bias_inverse.col(3 * b + axis).cast<float>();
-            const float* from = system.coupling_rows.data() + 3 * row * coupling_width();
-            for (Eigen::Index i = 0; i < num_linear; ++i) {
-                const int c = coupling_column(unknowns[static_cast<std::size_t>(i)]);
-                factors[i] = inverse[0] * from[c] + inverse[1] * from[coupling_width() + c] +
-                             inverse[2] * from[2 * coupling_width() + c];
+            const float* from = system.coupling_rows.data() + 3 * row * from_width;
+            for (std::size_t i = 0; i < linear.size(); ++i) {
+                const int c = from_columns[i];
+                factors[i] =
+                    inverse[0] * from[c] + inverse[1] * from[from_width + c] + inverse[2] * from[2 * from_width + c];
             }
             std::fill_n(sums, width, 0.0f);
             kernels->add_rows(rows.data(), static_cast<int>(num_linear), width, factors.data(), sums);
-            for (std::size_t j = 0; j < alpha.size(); ++j) {
-                spread(alpha[j], 3 * b + axis) = -sums[j];
+            for (Eigen::Index j = 0; j < num_alpha; ++j) {
+                spread(linear[static_cast<std::size_t>(j)], 3 * b + axis) = -sums[j];
             }
         }
     }
@@ -367,34 +503,34 @@ LINEAMENT_FIT_INLINE std::vector<double> JointProblem::scale_strengths(const Joi
                                                                        const Eigen::MatrixXd& columns,
                                                                        JointSystem& system) const
 {
+    const bool has_biases = state.bias.size() > 0;
     const Eigen::Index num_alpha = columns.cols();
-    const Eigen::MatrixXd spread = bias_spread(linear, columns, system);
+    const Eigen::MatrixXd spread = has_biases ? bias_spread(linear, columns, system) : Eigen::MatrixXd();
+    Eigen::Index own_begin = num_alpha;
+    Eigen::MatrixXd gram;
     std::vector<double> strengths;
-    auto own = linear.begin() + num_alpha; // of the image
     for (std::size_t f = 0; f < images.size(); ++f) {
-        const Eigen::MatrixXd& gram = system.image_grams[f];
+        const std::vector<int> of_image = unknowns_of_image(f, linear);
+        set_gram(f, own_scale(f, state), of_image, system, gram);
         double strength = 0;
         for (Eigen::Index j = 0; j < num_alpha; ++j) { // of symmetric matrices: below the diagonal all counts twice
             const Eigen::Index below = num_alpha - 1 - j;
             strength += gram(j, j) * columns(j, j) +
                         2 * gram.col(j).segment(j + 1, below).dot(columns.col(j).segment(j + 1, below));
         }
-        const auto end = std::find_if(
-            own, linear.end(), [&](int i) { return system.unknowns[static_cast<std::size_t>(i)] >= camera_begin(f); });
-        const Eigen::Index num_psi = end - own;
-        const Eigen::Index shared =
-            std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(num_shared())) -
-            system.unknowns.begin();
-        strength += gram.block(shared, 0, num_psi, num_alpha)
-                        .cwiseProduct(columns.middleRows(own - linear.begin(), num_psi))
-                        .sum();
-        own = end;
-        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
+        const Eigen::Index num_own = gram.rows() - num_alpha;
+        strength +=
+            gram.bottomLeftCorner(num_own, num_alpha).cwiseProduct(columns.middleRows(own_begin, num_own)).sum();
+        own_begin += num_own;
+        for (std::size_t i = 0; has_biases && i < images[f].used.size(); ++i) {
             if (const int b = images[f].used[i].bias_index; b >= 0) {
                 const Eigen::Index point = static_cast<Eigen::Index>(i);
+                const auto rows = images[f].points.identity.of_point(point);
+                Eigen::Matrix3d of_point; // covariance of where alpha and the bias move it
+                for (int axis = 0; axis < 3; ++axis) {
+                    of_point.col(axis).noalias() = rows.cast<double>().transpose() * spread.col(3 * b + axis);
+                }
                 const Eigen::Matrix<double, 2, 3> by_point = system.terms[f].by_point(point);
-                const Eigen::Matrix3d of_point =
-                    images[f].points.identity.of_point(point).cast<double>().transpose() * spread.middleCols<3>(3 * b);
                 strength += own_scale(f, state) * (by_point.transpose() * by_point).cwiseProduct(of_point).sum();
             }
         }

@@ -13,6 +13,7 @@
 #include <Eigen/Core>
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace lineament::detail {
@@ -93,18 +94,17 @@ struct JointSystem
     Eigen::VectorXd up = {};
 
     // Needed for the scale term and to recover the biases:
-    std::vector<Eigen::MatrixXd> image_grams = {}; ///< Of several images or with biases: J^T W J of the unknowns
-                                                   ///< that move each, priors left out; lower triangle.
-    Eigen::MatrixXd bias_coupling = {};            ///< K x 3L; by kernels the coupling rows instead.
-    Eigen::MatrixXd bias_inverse = {};             ///< 3 x 3L, inverse blocks.
-    Eigen::Matrix3Xd bias_gradient = {};           ///< 3 x L.
-    AlignedBuffer<float> coupling_rows = {};       ///< Three for each bias that has points, all of its columns.
-    std::vector<int> rows_of_biases = {};          ///< L, where among these its three are, in threes, or -1.
+    Eigen::MatrixXd bias_coupling = {};      ///< K x 3L; by kernels the coupling rows instead.
+    Eigen::MatrixXd bias_inverse = {};       ///< 3 x 3L, inverse blocks.
+    Eigen::Matrix3Xd bias_gradient = {};     ///< 3 x L.
+    AlignedBuffer<float> coupling_rows = {}; ///< Three for each bias that has points, all of its columns.
+    std::vector<int> rows_of_biases = {};    ///< L, where among these its three are, in threes, or -1.
     int num_coupling_rows = 0;
+    Eigen::MatrixXd bias_points = {}, bias_cross = {}; ///< 3 x 3L, J^T W J of its points, and of these with the bias.
 
     // Kept for their room:
     std::vector<PointTerms> terms = {}; ///< Of each image.
-    AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {};
+    AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {}, shape_gram = {};
     AlignedBuffer<double> factors = {}, sums = {};
     std::vector<int> targets = {};
 };
@@ -193,7 +193,7 @@ public:
     [[nodiscard]] std::vector<int> unknowns_of_image(std::size_t image, const std::vector<int>& unknowns) const;
 
     /// n_f of every image, where there are several or biases.
-    /// @param linear   Unknowns without cameras, as positions in the system's matrix.
+    /// @param linear   The system's unknowns without cameras.
     /// @param columns  Those of alpha, of the inverse of these unknowns' block.
     [[nodiscard]] std::vector<double> scale_strengths(const JointState& state, const std::vector<int>& linear,
                                                       const Eigen::MatrixXd& columns, JointSystem& system) const;
@@ -240,6 +240,11 @@ private:
                   Eigen::MatrixXd& gram) const;
     void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
                              Eigen::MatrixXd& gram) const;
+    float* set_rows(std::size_t image, double own_scale, std::span<const int> others, int alpha_begin, int others_begin,
+                    int width, JointSystem& system) const;
+    void set_grams_by_kernels(const JointState& state, JointSystem& system) const;
+    void set_less_biases(JointSystem& system) const;
+    void add_shape_gram_of_biases(JointSystem& system, float* gram) const;
     void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerms& terms, double own_scale,
                            Eigen::MatrixX2d& rows) const;
 

@@ -283,8 +283,11 @@ LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_gradient(JointSystem& sys
         double* sums = room_for(system.sums, coupling_width());
         std::fill_n(sums, coupling_width(), 0.0);
         kernels->add_wide(system.coupling_rows.data(), system.num_coupling_rows, coupling_width(), factors, sums);
-        for (Eigen::Index i = 0; i < system.gradient.size(); ++i) {
-            system.gradient[i] += sums[coupling_column(i)];
+        const Eigen::Map<const Eigen::VectorXd> in_columns(sums, coupling_width());
+        system.gradient.head(num_shared()) += in_columns.head(num_shared());
+        for (std::size_t f = 0; f < images.size(); ++f) {
+            system.gradient.segment(own_begin(f), num_own()) +=
+                in_columns.segment(coupling_column(own_begin(f)), num_own());
         }
         return;
     }
@@ -304,8 +307,9 @@ LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::bias_pulls(const JointSystem
         return pulls;
     }
     AlignedBuffer<double> in_columns(static_cast<std::size_t>(coupling_width()));
-    for (Eigen::Index i = 0; i < step.size(); ++i) {
-        in_columns[static_cast<std::size_t>(coupling_column(i))] = step[i];
+    std::copy_n(step.data(), num_shared(), in_columns.data());
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        std::copy_n(step.data() + own_begin(f), num_own(), in_columns.data() + coupling_column(own_begin(f)));
     }
     Eigen::Matrix3Xd products(3, system.num_coupling_rows / 3);
     kernels->multiply_wide(system.coupling_rows.data(), system.num_coupling_rows, coupling_width(), in_columns.data(),

@@ -143,11 +143,15 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
         set_scale_strength(problem, 0, strength, system);
         return;
     }
-    const auto num_alpha = std::count_if(linear.begin(), linear.end(), [&](int position) {
-        return system.unknowns[static_cast<std::size_t>(position)] < problem.num_shape();
-    });
+    std::vector<int> linear_unknowns;
+    for (const int position : linear) {
+        linear_unknowns.push_back(system.unknowns[static_cast<std::size_t>(position)]);
+    }
+    const auto num_alpha =
+        std::lower_bound(linear_unknowns.begin(), linear_unknowns.end(), static_cast<int>(problem.num_shape())) -
+        linear_unknowns.begin();
     const std::vector<double> strengths =
-        problem.scale_strengths(state, linear, lambda.inverse_columns(num_linear, num_alpha), system);
+        problem.scale_strengths(state, linear_unknowns, lambda.inverse_columns(num_linear, num_alpha), system);
     for (std::size_t f = 0; f < strengths.size(); ++f) {
         set_scale_strength(problem, f, strengths[f], system);
     }
