@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -506,6 +507,8 @@ LINEAMENT_FIT_INLINE std::vector<double> JointProblem::scale_strengths(const Joi
     const bool has_biases = state.bias.size() > 0;
     const Eigen::Index num_alpha = columns.cols();
     const Eigen::MatrixXd spread = has_biases ? bias_spread(linear, columns, system) : Eigen::MatrixXd();
+    Eigen::Matrix3Xd covariances = // of where alpha and a bias move its point, where they are known
+        Eigen::Matrix3Xd::Constant(3, spread.cols(), std::numeric_limits<double>::quiet_NaN());
     Eigen::Index own_begin = num_alpha;
     Eigen::MatrixXd gram;
     std::vector<double> strengths;
@@ -525,13 +528,13 @@ LINEAMENT_FIT_INLINE std::vector<double> JointProblem::scale_strengths(const Joi
         for (std::size_t i = 0; has_biases && i < images[f].used.size(); ++i) {
             if (const int b = images[f].used[i].bias_index; b >= 0) {
                 const Eigen::Index point = static_cast<Eigen::Index>(i);
-                const auto rows = images[f].points.identity.of_point(point);
-                Eigen::Matrix3d of_point; // covariance of where alpha and the bias move it
-                for (int axis = 0; axis < 3; ++axis) {
-                    of_point.col(axis).noalias() = rows.cast<double>().transpose() * spread.col(3 * b + axis);
+                auto covariance = covariances.middleCols<3>(3 * b);
+                if (std::isnan(covariance(0, 0))) { // the same in all images
+                    covariance = images[f].points.identity.of_point(point).cast<double>().transpose().lazyProduct(
+                        spread.middleCols<3>(3 * b));
                 }
                 const Eigen::Matrix<double, 2, 3> by_point = system.terms[f].by_point(point);
-                strength += own_scale(f, state) * (by_point.transpose() * by_point).cwiseProduct(of_point).sum();
+                strength += own_scale(f, state) * (by_point.transpose() * by_point).cwiseProduct(covariance).sum();
             }
         }
         strengths.push_back(strength);
