@@ -318,11 +318,18 @@ TEST_P(DoubleKernelsTest, FactorsAndSolvesInSinglePrecision)
         in_place.leftCols(n).triangularView<Eigen::StrictlyLower>().setConstant(
             std::numeric_limits<float>::quiet_NaN());
         Eigen::Map<Floats>(x.data(), n, num_right_sides) = (a * expected).cast<float>();
+        AlignedBuffer<float> lower(n * num_right_sides); // begins with zeros
+        Eigen::Map<Floats>(lower.data(), n, num_right_sides).bottomRows((n + 1) / 2).setOnes();
+        const Eigen::MatrixXd lower_right_side = matrix_of(lower, n, num_right_sides);
         const float pivot = kernels.factor_positive_float(system.data(), n, width, inverses.data());
+        kernels.solve_lower_float(system.data(), n, width, inverses.data(), lower.data());
         kernels.solve_factored_float(system.data(), n, width, inverses.data(), x.data());
         const Eigen::MatrixXd u = in_place.leftCols(n).cast<double>().triangularView<Eigen::Upper>();
         EXPECT_THAT(u, IsNear(Eigen::MatrixXd(Eigen::LLT<Eigen::MatrixXd>(a).matrixU()), 1e-5)) << n;
         EXPECT_THAT(matrix_of(x, n, num_right_sides), IsNear(expected, 1e-4)) << n;
+        EXPECT_THAT(Eigen::MatrixXd(u.transpose() * matrix_of(lower, n, num_right_sides)),
+                    IsNear(lower_right_side, 1e-4))
+            << n;
         EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-5);
         AlignedBuffer<float> inverse = random_floats(random, static_cast<std::size_t>(n) * width);
         kernels.invert_factor_float(system.data(), n, width, inverse.data(), width);

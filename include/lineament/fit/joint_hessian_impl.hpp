@@ -27,11 +27,11 @@ LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, J
     if (num_biases == 0) {
         return;
     }
-    system.bias_inverse.setZero(3, 3 * num_biases);
+    system.bias_blocks.setZero(3, 3 * num_biases);
+    system.bias_inverse.resize(3, 3 * num_biases);
     system.bias_points.setZero(3, 3 * num_biases);
-    system.bias_cross.setZero(3, 3 * num_biases);
     for (Eigen::Index b = 0; b < num_biases; ++b) {
-        system.bias_inverse.middleCols<3>(3 * b).diagonal() = bias_variances_mm.col(b).cwiseInverse();
+        system.bias_blocks.middleCols<3>(3 * b).diagonal() = bias_variances_mm.col(b).cwiseInverse();
     }
     std::vector<int>& rows_of_biases = system.rows_of_biases;
     rows_of_biases.assign(static_cast<std::size_t>(num_biases), -1);
@@ -42,16 +42,14 @@ LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, J
                 const Eigen::Matrix<double, 2, 3> by_point = system.terms[f].by_point(static_cast<Eigen::Index>(i));
                 const Eigen::Matrix3d squares = by_point.transpose() * by_point;
                 system.bias_points.middleCols<3>(3 * b) += squares;
-                system.bias_cross.middleCols<3>(3 * b) += scale * squares;
-                system.bias_inverse.middleCols<3>(3 * b) += scale * scale * squares;
+                system.bias_blocks.middleCols<3>(3 * b) += scale * scale * squares;
                 rows_of_biases[static_cast<std::size_t>(b)] = 0;
             }
         }
     }
     int num_rows = 0;
     for (Eigen::Index b = 0; b < num_biases; ++b) {
-        const Eigen::Matrix3d block = system.bias_inverse.middleCols<3>(3 * b);
-        system.bias_inverse.middleCols<3>(3 * b) = block.inverse();
+        system.bias_inverse.middleCols<3>(3 * b) = Eigen::Matrix3d(system.bias_blocks.middleCols<3>(3 * b)).inverse();
         if (int& row = rows_of_biases[static_cast<std::size_t>(b)]; row >= 0) {
             row = num_rows++;
         }
@@ -243,6 +241,11 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, d
 /// The matrix of system.unknowns, biases eliminated.
 LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, JointSystem& system) const
 {
+    if (is_arrow()) {
+        set_arrow(state, system);
+        complete_hessian(system);
+        return;
+    }
     const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
     const auto is_before = [&](Eigen::Index end) {
         return std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(end)) -
@@ -251,8 +254,6 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
     const Eigen::Index shared = is_before(num_shared());
     if (images.size() == 1 && state.bias.size() == 0) {
         set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian);
-    } else if (kernels != nullptr) {
-        set_grams_by_kernels(state, system);
     } else {
         system.hessian.setZero(size, size);
         Eigen::MatrixXd gram;
@@ -280,7 +281,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
             system.hessian(i, i) += std::pow(options_.expression_sigma, -2);
         }
     }
-    if (state.bias.size() > 0 && kernels == nullptr) {
+    if (state.bias.size() > 0) {
         eliminate_bias_hessian(system);
     }
 }
@@ -296,116 +297,173 @@ LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_hessian(JointSystem& syst
     system.hessian.selfadjointView<Eigen::Lower>().rankUpdate(scaled, -1.0);
 }
 
-/// The matrix without priors, biases eliminated, of several images or with biases: as set_gram_by_kernels.
-LINEAMENT_FIT_INLINE void JointProblem::set_grams_by_kernels(const JointState& state, JointSystem& system) const
+/// As set_gram_by_kernels.
+LINEAMENT_FIT_INLINE void JointProblem::set_arrow(const JointState& state, JointSystem& system) const
 {
-    const bool has_biases = state.bias.size() > 0;
-    const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
-    system.hessian.resize(size, size);
-    if (has_biases) {
-        set_less_biases(system);
-    } else {
-        system.hessian.setZero();
+    const std::vector<int>& unknowns = system.unknowns;
+    const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), static_cast<int>(num_shape()));
+    const int num_alpha = static_cast<int>(others - unknowns.begin());
+    const int num_phi = others != unknowns.end() && *others < num_shared() ? 1 : 0;
+    const int num_hidden = state.bias.size() > 0 ? system.num_coupling_rows : 0;
+    std::vector<std::vector<int>> of_images;
+    std::vector<int> counts;
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        of_images.push_back(unknowns_of_image(f, unknowns));
+        counts.push_back(static_cast<int>(of_images.back().size()) - num_alpha - num_phi);
     }
-    const auto others = std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(num_shape()));
-    const Eigen::Index num_alpha = others - system.unknowns.begin();
+    ArrowMatrix& arrow = system.arrow;
+    system.has_hessian = false;
+    arrow.set_zero(counts, num_hidden, num_alpha + num_phi);
+    const int alpha_column = arrow.own_width + num_hidden, phi_column = alpha_column + num_alpha;
     const int shape_width = kernels::round_up(static_cast<int>(num_shape()), kernels::width_step);
     float* shape_gram = room_for(system.shape_gram, shape_width * shape_width);
     std::fill_n(shape_gram, shape_width * shape_width, 0.0f);
-    if (has_biases) {
-        add_shape_gram_of_biases(system, shape_gram);
-    }
-    Eigen::Index own_begin = // among the unknowns
-        std::lower_bound(others, system.unknowns.end(), static_cast<int>(num_shared())) - system.unknowns.begin();
-    const Eigen::Index num_phi = own_begin - num_alpha;
+    float* own = arrow.own.data();
+    double phi_squares = 0;
+    Eigen::VectorXf phi_with_alpha = Eigen::VectorXf::Zero(num_alpha);
     for (std::size_t f = 0; f < images.size(); ++f) {
-        const std::vector<int> of_image = unknowns_of_image(f, system.unknowns);
-        const std::span<const int> others_of_image = std::span(of_image).subspan(static_cast<std::size_t>(num_alpha));
+        const std::span<const int> others_of_image =
+            std::span(of_images[f]).subspan(static_cast<std::size_t>(num_alpha));
         const int num_others = static_cast<int>(others_of_image.size());
         const int alpha_begin = kernels::round_up(num_others, kernels::width_step), width = alpha_begin + shape_width;
         float* rows = set_rows(f, own_scale(f, state), others_of_image, alpha_begin, 0, width, system);
-        const int num_rows = 2 * static_cast<int>(images[f].used.size());
-        float* gram = room_for(system.gram, static_cast<Eigen::Index>(alpha_begin) * width);
+        float* gram = room_for(system.gram, alpha_begin * width);
         std::fill_n(gram, alpha_begin * width, 0.0f);
-        kernels->add_leading_gram(rows, num_rows, num_others, width, gram);
-        for (Eigen::Index j = 0; j < num_others; ++j) {
-            const float* row = gram + j * width;
-            const Eigen::Index to = j < num_phi ? num_alpha + j : own_begin + j - num_phi;
-            for (Eigen::Index i = j; i < num_others; ++i) {
-                system.hessian(i < num_phi ? num_alpha + i : own_begin + i - num_phi, to) += row[i];
+        kernels->add_leading_gram(rows, 2 * static_cast<int>(images[f].used.size()), num_others, width, gram);
+        if (num_phi > 0) {
+            phi_squares += gram[0];
+        }
+        for (int a = 0; a < num_alpha && num_phi > 0; ++a) {
+            phi_with_alpha[a] += gram[alpha_begin + unknowns[static_cast<std::size_t>(a)]];
+        }
+        for (int i = num_phi; i < num_others; ++i, own += arrow.width()) {
+            const float* from = gram + i * width;
+            std::copy(from + i, from + num_others, own + i - num_phi);
+            for (int a = 0; a < num_alpha; ++a) {
+                own[alpha_column + a] = from[alpha_begin + unknowns[static_cast<std::size_t>(a)]];
             }
-            for (Eigen::Index i = 0; i < num_alpha; ++i) {
-                system.hessian(to, i) += row[alpha_begin + system.unknowns[static_cast<std::size_t>(i)]];
+            if (num_phi > 0) {
+                own[phi_column] = gram[i];
+            }
+            const int unknown = others_of_image[static_cast<std::size_t>(i)] - static_cast<int>(num_shared());
+            const float* coupling = system.coupling_rows.data() + coupling_column(own_begin(f)) + unknown;
+            for (int h = 0; h < num_hidden; ++h) {
+                own[arrow.own_width + h] = coupling[h * coupling_width()];
+            }
+            if (unknown < num_expressions_) {
+                own[i - num_phi] += static_cast<float>(std::pow(options_.expression_sigma, -2));
             }
         }
-        own_begin += num_others - num_phi;
 
         // Of alpha alone the rows that are not those of biases, one behind the other.
         float* end = rows;
-        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
-            for (std::size_t row = 2 * i; row < 2 * i + 2 && !(has_biases && images[f].used[i].bias_index >= 0);
-                 ++row) {
+        for (std::size_t row = 0; row < 2 * images[f].used.size(); ++row) {
+            if (num_hidden == 0 || images[f].used[row / 2].bias_index < 0) {
                 end = std::copy_n(rows + static_cast<int>(row) * width + alpha_begin, shape_width, end);
             }
         }
         kernels->add_gram(rows, static_cast<int>(end - rows) / shape_width, shape_width, shape_gram);
     }
-    for (Eigen::Index j = 0; j < num_alpha; ++j) {
-        const float* row = shape_gram + system.unknowns[static_cast<std::size_t>(j)] * shape_width;
-        for (Eigen::Index i = j; i < num_alpha; ++i) {
-            system.hessian(i, j) = row[system.unknowns[static_cast<std::size_t>(i)]];
+    if (num_hidden > 0) {
+        add_shape_gram_of_biases(system, shape_gram);
+        set_arrow_of_biases(system);
+    }
+    for (int j = 0; j < num_alpha; ++j) {
+        const int unknown = unknowns[static_cast<std::size_t>(j)];
+        float* row = arrow.shared.data() + (num_hidden + j) * arrow.shared_width + num_hidden;
+        for (int i = j; i < num_alpha; ++i) {
+            const int other = unknowns[static_cast<std::size_t>(i)];
+            row[i] = shape_gram[unknown * shape_width + other] + static_cast<float>(prior_.matrix(other, unknown));
+        }
+        if (num_phi > 0) {
+            row[num_alpha] = phi_with_alpha[j];
+        }
+    }
+    if (num_phi > 0) {
+        arrow.shared.data()[(num_hidden + num_alpha) * (arrow.shared_width + 1)] =
+            static_cast<float>(phi_squares + std::pow(*options_.phi_sigma_per_mm, -2));
+    }
+}
+
+/// The rows of the biases.
+LINEAMENT_FIT_INLINE void JointProblem::set_arrow_of_biases(JointSystem& system) const
+{
+    ArrowMatrix& arrow = system.arrow;
+    for (std::size_t b = 0; b < system.rows_of_biases.size(); ++b) {
+        for (int axis = 0; axis < 3 && system.rows_of_biases[b] >= 0; ++axis) {
+            const int h = 3 * system.rows_of_biases[b] + axis;
+            float* row = arrow.shared.data() + h * arrow.shared_width;
+            for (int other = axis; other < 3; ++other) {
+                row[h - axis + other] =
+                    static_cast<float>(system.bias_blocks(axis, 3 * static_cast<Eigen::Index>(b) + other));
+            }
+            const float* coupling = system.coupling_rows.data() + h * coupling_width();
+            for (int j = 0; j < arrow.num_shared; ++j) {
+                row[arrow.num_hidden + j] = coupling[system.unknowns[static_cast<std::size_t>(j)]];
+            }
         }
     }
 }
 
-/// The matrix's part -C V C^T, of the coupling C and the biases' inverse blocks V = L L^T, but the block of alpha.
-LINEAMENT_FIT_INLINE void JointProblem::set_less_biases(JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(JointSystem& system) const
 {
-    const auto begin = std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(num_shape()));
-    const Eigen::Index num_alpha = begin - system.unknowns.begin();
-    std::vector<int> columns; // of the other unknowns
-    std::transform(begin, system.unknowns.end(), std::back_inserter(columns),
-                   [&](int unknown) { return coupling_column(unknown); });
-    const int num_others = static_cast<int>(columns.size());
-    const int alpha_begin = kernels::round_up(num_others, kernels::width_step);
-    const int shape_width = kernels::round_up(static_cast<int>(num_shape()), kernels::width_step);
-    const int width = alpha_begin + shape_width, from_width = coupling_width();
-    float* rows = room_for(system.rows, static_cast<Eigen::Index>(system.num_coupling_rows) * width); // L^T C^T
+    if (!is_arrow() || system.has_hessian) {
+        return;
+    }
+    system.has_hessian = true;
+    const ArrowMatrix& arrow = system.arrow;
+    const int num_shared = arrow.num_shared, num_hidden = arrow.num_hidden, shared_width = arrow.shared_width;
+    const int size = static_cast<int>(system.unknowns.size());
+    system.hessian.setZero(size, size);
+    for (int j = 0; j < num_shared; ++j) {
+        const float* row = arrow.shared.data() + (num_hidden + j) * shared_width + num_hidden;
+        std::copy(row + j, row + num_shared, system.hessian.data() + j * (size + 1));
+    }
+    const float* row = arrow.own.data();
+    int begin = num_shared;
+    for (const int count : arrow.counts) {
+        for (int i = 0; i < count; ++i, row += arrow.width()) {
+            std::copy(row + i, row + count, system.hessian.data() + (begin + i) * (size + 1));
+            for (int j = 0; j < num_shared; ++j) {
+                system.hessian(begin + i, j) = row[arrow.own_width + num_hidden + j];
+            }
+        }
+        begin += count;
+    }
+    if (num_hidden == 0) {
+        return;
+    }
+
+    // Less the biases' part, C V C^T with V = L L^T, by rows of L^T C^T.
+    const int width = kernels::round_up(size, kernels::width_step);
+    float* rows = room_for(system.rows, num_hidden * width);
+    std::fill_n(rows, num_hidden * width, 0.0f);
     for (std::size_t b = 0; b < system.rows_of_biases.size(); ++b) {
-        const int row = 3 * system.rows_of_biases[b];
-        if (row < 0) {
+        const int h = 3 * system.rows_of_biases[b];
+        if (h < 0) {
             continue;
         }
         const Eigen::Matrix3d inverse = system.bias_inverse.middleCols<3>(3 * static_cast<Eigen::Index>(b));
         const Eigen::Matrix3f root = Eigen::Matrix3d(inverse.llt().matrixL()).cast<float>();
-        const float* from = system.coupling_rows.data() + row * from_width;
-        float* to = rows + row * width;
-        const auto set = [&](int c, int from_c) {
-            const float x = from[from_c], y = from[from_width + from_c], z = from[2 * from_width + from_c];
-            to[c] = root(0, 0) * x + root(1, 0) * y + root(2, 0) * z;
-            to[width + c] = root(1, 1) * y + root(2, 1) * z;
-            to[2 * width + c] = root(2, 2) * z;
+        const auto set = [&](int c, const float* coupling, int step) {
+            const float x = coupling[0], y = coupling[step], z = coupling[2 * step];
+            rows[h * width + c] = root(0, 0) * x + root(1, 0) * y + root(2, 0) * z;
+            rows[(h + 1) * width + c] = root(1, 1) * y + root(2, 1) * z;
+            rows[(h + 2) * width + c] = root(2, 2) * z;
         };
-        for (int c = 0; c < num_others; ++c) {
-            set(c, columns[static_cast<std::size_t>(c)]);
+        for (int j = 0; j < num_shared; ++j) {
+            set(j, arrow.shared.data() + h * shared_width + num_hidden + j, shared_width);
         }
-        for (int axis = 0; axis < 3; ++axis) {
-            std::fill(to + axis * width + num_others, to + axis * width + alpha_begin, 0.0f);
-        }
-        for (int c = 0; c < shape_width; ++c) {
-            set(alpha_begin + c, c);
+        for (int i = num_shared; i < size; ++i) {
+            set(i, arrow.own.data() + (i - num_shared) * arrow.width() + arrow.own_width + h, 1);
         }
     }
-    float* gram = room_for(system.gram, static_cast<Eigen::Index>(alpha_begin) * width);
-    std::fill_n(gram, alpha_begin * width, 0.0f);
-    kernels->add_leading_gram(rows, system.num_coupling_rows, num_others, width, gram);
-    for (Eigen::Index j = 0; j < num_others; ++j) {
-        const float* row = gram + j * width;
-        for (Eigen::Index i = j; i < num_others; ++i) {
-            system.hessian(num_alpha + i, num_alpha + j) = -row[i];
-        }
-        for (Eigen::Index i = 0; i < num_alpha; ++i) {
-            system.hessian(num_alpha + j, i) = -row[alpha_begin + system.unknowns[static_cast<std::size_t>(i)]];
+    float* gram = room_for(system.gram, width * width);
+    std::fill_n(gram, width * width, 0.0f);
+    kernels->add_gram(rows, num_hidden, width, gram);
+    for (int j = 0; j < size; ++j) {
+        for (int i = j; i < size; ++i) {
+            system.hessian(i, j) -= gram[j * width + i];
         }
     }
 }
@@ -424,12 +482,11 @@ LINEAMENT_FIT_INLINE void JointProblem::set_less_biases(JointSystem& system) con
     return root;
 }
 
-/// Points with a bias are the same in all images, so that what images say of a point, its bias eliminated, is summed
-/// first: A = Q - P V P with Q = sum by_point^T by_point, P the same times the images' own scales.
+/// Points with a bias are the same in all images, so that what images say of a point is summed first.
 LINEAMENT_FIT_INLINE void JointProblem::add_shape_gram_of_biases(JointSystem& system, float* gram) const
 {
     const int width = kernels::round_up(static_cast<int>(num_shape()), kernels::width_step);
-    float* rows = room_for(system.rows, static_cast<Eigen::Index>(system.num_coupling_rows) * width);
+    float* rows = room_for(system.rows, system.num_coupling_rows * width);
     std::fill_n(rows, system.num_coupling_rows * width, 0.0f);
     std::vector<bool> is_done(system.rows_of_biases.size(), false);
     for (const JointImage& image : images) {
@@ -441,9 +498,8 @@ LINEAMENT_FIT_INLINE void JointProblem::add_shape_gram_of_biases(JointSystem& sy
             if (b >= 0 && !is_done[static_cast<std::size_t>(b)]) {
                 is_done[static_cast<std::size_t>(b)] = true;
                 system.targets[i] = system.rows_of_biases[static_cast<std::size_t>(b)];
-                const Eigen::Matrix3d cross = system.bias_cross.middleCols<3>(3 * b);
-                Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(roots + 9 * i) = root_of(
-                    system.bias_points.middleCols<3>(3 * b) - cross * system.bias_inverse.middleCols<3>(3 * b) * cross);
+                Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(roots + 9 * i) =
+                    root_of(system.bias_points.middleCols<3>(3 * b));
             }
         }
         kernels->add_turned_points(image.points.identity.data(), image.points.identity.width(),

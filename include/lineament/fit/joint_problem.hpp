@@ -89,18 +89,21 @@ struct JointSystem
 {
     std::vector<int> unknowns = {}; ///< Those that the matrix is of, n of K, ascending.
     Eigen::MatrixXd hessian = {};   ///< n x n, lower triangle.
+    ArrowMatrix arrow = {};         ///< The same with the biases, hidden, where the problem is_arrow().
+    bool has_hessian = false;       ///< Or the arrow alone.
     Eigen::VectorXd gradient = {};  ///< K.
     Eigen::VectorXd down = {};      ///< K, how far each unknown may go; of the state that the gradient is of.
     Eigen::VectorXd up = {};
 
     // Needed for the scale term and to recover the biases:
     Eigen::MatrixXd bias_coupling = {};      ///< K x 3L; by kernels the coupling rows instead.
-    Eigen::MatrixXd bias_inverse = {};       ///< 3 x 3L, inverse blocks.
+    Eigen::MatrixXd bias_blocks = {};        ///< 3 x 3L, the biases' own.
+    Eigen::MatrixXd bias_inverse = {};       ///< 3 x 3L, their inverses.
     Eigen::Matrix3Xd bias_gradient = {};     ///< 3 x L.
     AlignedBuffer<float> coupling_rows = {}; ///< Three for each bias that has points, all of its columns.
     std::vector<int> rows_of_biases = {};    ///< L, where among these its three are, in threes, or -1.
     int num_coupling_rows = 0;
-    Eigen::MatrixXd bias_points = {}, bias_cross = {}; ///< 3 x 3L, J^T W J of its points, and of these with the bias.
+    Eigen::MatrixXd bias_points = {}; ///< 3 x 3L, J^T W J of the biases' model points.
 
     // Kept for their room:
     std::vector<PointTerms> terms = {}; ///< Of each image.
@@ -175,8 +178,14 @@ public:
     /// the system's room.
     [[nodiscard]] std::vector<int> free_unknowns(const JointState& state, JointSystem& system) const;
 
-    /// With the matrix of those.
+    /// With the matrix of those; the arrow alone where the problem is_arrow().
     void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
+
+    /// Of several images, by kernels.
+    [[nodiscard]] bool is_arrow() const { return kernels != nullptr && images.size() > 1; }
+
+    /// Sets the system's matrix from its arrow, if that is all there is.
+    void complete_hessian(JointSystem& system) const;
 
     /// The gradient alone anew; what has been eliminated with the biases stays. False where unknowns are free that the
     /// matrix is not of.
@@ -242,8 +251,8 @@ private:
                              Eigen::MatrixXd& gram) const;
     float* set_rows(std::size_t image, double own_scale, std::span<const int> others, int alpha_begin, int others_begin,
                     int width, JointSystem& system) const;
-    void set_grams_by_kernels(const JointState& state, JointSystem& system) const;
-    void set_less_biases(JointSystem& system) const;
+    void set_arrow(const JointState& state, JointSystem& system) const;
+    void set_arrow_of_biases(JointSystem& system) const;
     void add_shape_gram_of_biases(JointSystem& system, float* gram) const;
     void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerms& terms, double own_scale,
                            Eigen::MatrixX2d& rows) const;

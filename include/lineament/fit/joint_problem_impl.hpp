@@ -356,7 +356,11 @@ LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, 
     set_couplings(state, system);
     eliminate_bias_gradient(system);
     system.unknowns = free_unknowns(state, system);
-    set_hessian(state, system);
+    if (is_arrow()) {
+        set_arrow(state, system);
+    } else {
+        set_hessian(state, system);
+    }
 }
 
 LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, const std::vector<PlacedPoints>& placed,

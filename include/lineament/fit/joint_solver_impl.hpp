@@ -56,37 +56,30 @@ LINEAMENT_FIT_INLINE Eigen::VectorXd bounded_step(const JointSystem& system, con
     }
     const Eigen::VectorXd free = solved; // of bounds
     std::vector<bool> is_held(system.unknowns.size(), false);
-    std::vector<Eigen::Index> held; // K, positions among the unknowns
+    std::vector<int> held; // K, positions among the unknowns
     std::vector<double> bounds;
-    Eigen::MatrixXd columns(size, 0); // C
     while (true) {
-        const Eigen::Index num_before = columns.cols();
+        const std::size_t num_before = held.size();
         for (Eigen::Index i = 0; i < size; ++i) {
             const int unknown = system.unknowns[static_cast<std::size_t>(i)];
             if (!is_held[static_cast<std::size_t>(i)] && !(solved[i] >= down[unknown] && solved[i] <= up[unknown])) {
                 is_held[static_cast<std::size_t>(i)] = true;
-                held.push_back(i);
+                held.push_back(static_cast<int>(i));
                 bounds.push_back(solved[i] < down[unknown] ? down[unknown] : up[unknown]);
             }
         }
-        const Eigen::Index num_held = static_cast<Eigen::Index>(held.size()), num_new = num_held - num_before;
-        if (num_new == 0) {
+        if (held.size() == num_before) {
             break;
         }
-        Eigen::MatrixXd units = Eigen::MatrixXd::Zero(size, num_new);
-        for (Eigen::Index k = 0; k < num_new; ++k) {
-            units(held[static_cast<std::size_t>(num_before + k)], k) = 1;
-        }
-        columns.conservativeResize(Eigen::NoChange, num_held);
-        columns.rightCols(num_new) = factor.solve(units);
-        const Eigen::Map<const Eigen::VectorXd> goals(bounds.data(), num_held);
-        const Eigen::MatrixXd of_held = columns(held, Eigen::all); // C_KK
-        const Eigen::LLT<Eigen::MatrixXd> cholesky(of_held);
+        const Eigen::Map<const Eigen::VectorXd> goals(bounds.data(), static_cast<Eigen::Index>(held.size()));
+        const Eigen::LLT<Eigen::MatrixXd> cholesky(factor.inverse_block(held)); // C_KK
         if (cholesky.info() != Eigen::Success) {
             solved.setConstant(std::numeric_limits<double>::quiet_NaN()); // no step; more damping makes one
             break;
         }
-        solved = free - columns * cholesky.solve(free(held) - goals);
+        Eigen::VectorXd pull = Eigen::VectorXd::Zero(size); // C_KK^-1 (x_K - bounds), 0 elsewhere
+        pull(held) = Eigen::VectorXd(cholesky.solve(Eigen::VectorXd(free(held) - goals)));
+        solved = free - factor.solve(pull);
         solved(held) = goals;
     }
     step(system.unknowns) = solved;
@@ -116,9 +109,19 @@ inline void set_scale_strength(JointProblem& problem, std::size_t image, double 
     scale_strength = strength;
 }
 
+/// Image by image where that takes less, unless the matrix is not positive definite to single precision.
+inline void factor_system(const JointProblem& problem, JointSystem& system, double damping, PositiveFactor& factor)
+{
+    if (!(problem.is_arrow() && system.arrow.is_sparse() && factor.factor(system.arrow, damping))) {
+        problem.complete_hessian(system);
+        factor.factor(system.hessian, damping);
+    }
+}
+
 LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system,
                                                   PositiveFactor& factor)
 {
+    problem.complete_hessian(system);
     std::vector<int> linear; // positions among the unknowns
     for (int i = 0; i < static_cast<int>(system.unknowns.size()); ++i) {
         if (!problem.is_camera(system.unknowns[i])) {
@@ -127,7 +130,7 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
     }
     const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
     PositiveFactor of_linear(problem.kernels);
-    const bool is_leading = num_linear == 0 || linear.back() + 1 == num_linear;
+    const bool is_leading = !problem.is_arrow() && (num_linear == 0 || linear.back() + 1 == num_linear);
     if (!is_leading) {
         of_linear.factor(block_of(system.hessian, linear));
     }
@@ -175,7 +178,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
         if (!keeps_matrix || !problem.renew_gradient(state, placed, system)) {
             keeps_matrix = false;
             problem.linearize_free(state, placed, system);
-            factor.factor(system.hessian, damping);
+            factor_system(problem, system, damping, factor);
             if (iteration == 0 && limits.sets_scale_strengths) {
                 refresh_scale_strengths(problem, state, system, factor);
             }
@@ -219,7 +222,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             } else {
                 damping = std::max(1e-3, 10 * damping);
             }
-            factor.factor(system.hessian, damping);
+            factor_system(problem, system, damping, factor);
         }
     }
 }

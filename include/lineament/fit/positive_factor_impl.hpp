@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "lineament/fit/arrow_factor_impl.hpp"
 #include "lineament/fit/packed_points_impl.hpp"
 
 #include <Eigen/Cholesky>
@@ -29,6 +30,7 @@ public:
     void factor(const Eigen::MatrixXd& matrix, double damping = 0.0)
     {
         size_ = matrix.rows();
+        is_arrow_ = false;
         if (kernels_ == nullptr) {
             Eigen::MatrixXd damped = matrix;
             damped.diagonal() *= 1 + damping;
@@ -50,9 +52,21 @@ public:
         }
     }
 
+    /// By kernels in single precision, of the matrix of [shared | own of each image] that eliminating the hidden
+    /// unknowns leaves; it must outlive what is solved with it.
+    /// @return False where it is not positive definite to that.
+    [[nodiscard]] bool factor(const ArrowMatrix& matrix, double damping)
+    {
+        is_arrow_ = arrow_.factor(*kernels_, matrix, damping) > least_pivot;
+        return is_arrow_;
+    }
+
     /// A^-1 B (n x c).
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& columns)
     {
+        if (is_arrow_) {
+            return arrow_.solve(columns);
+        }
         if (kernels_ == nullptr) {
             return cholesky_.solve(columns);
         }
@@ -62,6 +76,46 @@ public:
         return solve_by(kernels_->solve_factored, double_, inverses_, columns, solved_);
     }
 
+    /// The block of A^-1 of some unknowns.
+    [[nodiscard]] Eigen::MatrixXd inverse_block(const std::vector<int>& unknowns)
+    {
+        const Eigen::Index count = static_cast<Eigen::Index>(unknowns.size());
+        if (kernels_ == nullptr || !(is_arrow_ || is_single_)) {
+            Eigen::MatrixXd units = Eigen::MatrixXd::Zero(size_, count);
+            for (Eigen::Index k = 0; k < count; ++k) {
+                units(unknowns[static_cast<std::size_t>(k)], k) = 1;
+            }
+            return solve(units)(unknowns, Eigen::all);
+        }
+        const int width = kernels::round_up(static_cast<int>(count), kernels::width_step);
+        const int num_rows = is_arrow_ ? arrow_.num_rows() : static_cast<int>(size_);
+        Eigen::Map<RowMajor<float>> halves(room_for(single_root_, num_rows * width), num_rows, width); // U^-T e_k
+        halves.setZero();
+        if (is_arrow_) {
+            arrow_.set_halves(unknowns, width, halves.data());
+        } else {
+            constexpr Eigen::Index step = kernels::num_right_sides;
+            Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, step, Eigen::RowMajor>> units(
+                room_for(single_solved_, size_ * step), size_, step);
+            for (Eigen::Index begin = 0; begin < count; begin += step) {
+                const Eigen::Index num_units = std::min(step, count - begin);
+                units.setZero();
+                for (Eigen::Index k = 0; k < num_units; ++k) {
+                    units(unknowns[static_cast<std::size_t>(begin + k)], k) = 1;
+                }
+                kernels_->solve_lower_float(single_.data(), num_rows, width_, single_inverses_.data(), units.data());
+                halves.middleCols(begin, num_units) = units.leftCols(num_units);
+            }
+        }
+        Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, width * width), width, width);
+        gram.setZero();
+        kernels_->add_gram(halves.data(), num_rows, width, gram.data());
+        return gram.topLeftCorner(count, count)
+            .template selfadjointView<Eigen::Upper>()
+            .toDenseMatrix()
+            .template cast<double>();
+    }
+
     /// Of the block of a matrix's lower triangle with those rows and columns, ascending, in double precision.
     /// @param others  Further columns, ascending.
     /// @return |U^-T H_Fk|^2 of each of them, k, with F the block's.
@@ -69,6 +123,7 @@ public:
                                                const std::vector<int>& others)
     {
         size_ = static_cast<Eigen::Index>(block.size());
+        is_arrow_ = false;
         const Eigen::Index num_others = static_cast<Eigen::Index>(others.size());
         const int width = kernels::round_up(static_cast<int>(size_), kernels::double_step);
         width_ = width + kernels::round_up(static_cast<int>(num_others), kernels::double_step);
@@ -238,6 +293,8 @@ private:
     const kernels::Kernels* kernels_;
     Eigen::Index size_ = 0;
     int width_ = 0;
+    bool is_arrow_ = false; ///< What is solved is by `arrow_`.
+    ArrowFactor arrow_ = {};
     bool is_single_ = false;            ///< U is in `single_`.
     AlignedBuffer<double> double_ = {}; ///< U in its upper triangle.
     AlignedBuffer<float> single_ = {};

@@ -271,6 +271,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     invert_factor<double>,
                                     factor_positive<float>,
                                     solve_factored<float>,
+                                    solve_lower<float>,
                                     invert_factor<float>};
     return &kernels;
 #endif

@@ -207,6 +207,8 @@ struct Kernels
     // The same in single precision; rows have a multiple of width_step floats.
     float (*factor_positive_float)(float* system, int n, int width, float* inverse_diagonal);
     void (*solve_factored_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
+    /// X = U^-T X alone; rows of zeros that X begins with cost next to nothing.
+    void (*solve_lower_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
     void (*invert_factor_float)(const float* system, int n, int width, float* inverse, int inverse_width);
 };
 

@@ -464,7 +464,7 @@ void invert_factor(const T* system, int n, int width, T* inverse, int inverse_wi
 }
 
 template <typename T>
-void solve_factored(const T* system, int n, int width, const T* inverse_diagonal, T* x)
+void solve_lower(const T* system, int n, int width, const T* inverse_diagonal, T* x)
 {
     for (T* const end = x + num_right_sides; x != end; ++x) {
         for (int i = 0; i < n; ++i) {
@@ -473,6 +473,14 @@ void solve_factored(const T* system, int n, int width, const T* inverse_diagonal
             }
             x[i * num_right_sides] *= inverse_diagonal[i];
         }
+    }
+}
+
+template <typename T>
+void solve_factored(const T* system, int n, int width, const T* inverse_diagonal, T* x)
+{
+    solve_lower(system, n, width, inverse_diagonal, x);
+    for (T* const end = x + num_right_sides; x != end; ++x) {
         for (int i = n - 1; i >= 0; --i) {
             for (int c = i + 1; c < n; ++c) {
                 x[i * num_right_sides] -= system[i * width + c] * x[c * num_right_sides];
@@ -524,6 +532,7 @@ namespace lineament::kernels {
                                       scalar::invert_factor<double>,
                                       scalar::factor_positive<float>,
                                       scalar::solve_factored<float>,
+                                      scalar::solve_lower<float>,
                                       scalar::invert_factor<float>};
     return table;
 }
