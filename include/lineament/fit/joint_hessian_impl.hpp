@@ -411,33 +411,45 @@ LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(JointSystem& system) co
         return;
     }
     system.has_hessian = true;
+    set_less_biases(system);
     const ArrowMatrix& arrow = system.arrow;
-    const int num_shared = arrow.num_shared, num_hidden = arrow.num_hidden, shared_width = arrow.shared_width;
-    const int size = static_cast<int>(system.unknowns.size());
-    system.hessian.setZero(size, size);
+    const int num_shared = arrow.num_shared, num_hidden = arrow.num_hidden;
+    const Eigen::Index size = system.hessian.rows();
+    const auto add = [](const float* from, int count, double* to) {
+        for (int i = 0; i < count; ++i) {
+            to[i] += from[i];
+        }
+    };
     for (int j = 0; j < num_shared; ++j) {
-        const float* row = arrow.shared.data() + (num_hidden + j) * shared_width + num_hidden;
-        std::copy(row + j, row + num_shared, system.hessian.data() + j * (size + 1));
+        const float* row = arrow.shared.data() + (num_hidden + j) * arrow.shared_width + num_hidden;
+        add(row + j, num_shared - j, system.hessian.data() + j * (size + 1));
     }
     const float* row = arrow.own.data();
     int begin = num_shared;
     for (const int count : arrow.counts) {
         for (int i = 0; i < count; ++i, row += arrow.width()) {
-            std::copy(row + i, row + count, system.hessian.data() + (begin + i) * (size + 1));
+            add(row + i, count - i, system.hessian.data() + (begin + i) * (size + 1));
             for (int j = 0; j < num_shared; ++j) {
-                system.hessian(begin + i, j) = row[arrow.own_width + num_hidden + j];
+                system.hessian(begin + i, j) += row[arrow.own_width + num_hidden + j];
             }
         }
         begin += count;
     }
+}
+
+/// The part of the matrix that eliminating the biases takes off, -C V C^T, of the coupling C and the biases' inverse
+/// blocks V = L L^T.
+LINEAMENT_FIT_INLINE void JointProblem::set_less_biases(JointSystem& system) const
+{
+    const ArrowMatrix& arrow = system.arrow;
+    const int num_shared = arrow.num_shared, num_hidden = arrow.num_hidden;
+    const int size = static_cast<int>(system.unknowns.size()), width = kernels::round_up(size, kernels::width_step);
+    system.hessian.resize(size, size);
     if (num_hidden == 0) {
+        system.hessian.setZero();
         return;
     }
-
-    // Less the biases' part, C V C^T with V = L L^T, by rows of L^T C^T.
-    const int width = kernels::round_up(size, kernels::width_step);
-    float* rows = room_for(system.rows, num_hidden * width);
-    std::fill_n(rows, num_hidden * width, 0.0f);
+    float* rows = room_for(system.rows, num_hidden * width); // L^T C^T
     for (std::size_t b = 0; b < system.rows_of_biases.size(); ++b) {
         const int h = 3 * system.rows_of_biases[b];
         if (h < 0) {
@@ -445,26 +457,29 @@ LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(JointSystem& system) co
         }
         const Eigen::Matrix3d inverse = system.bias_inverse.middleCols<3>(3 * static_cast<Eigen::Index>(b));
         const Eigen::Matrix3f root = Eigen::Matrix3d(inverse.llt().matrixL()).cast<float>();
+        float* to = rows + h * width;
         const auto set = [&](int c, const float* coupling, int step) {
             const float x = coupling[0], y = coupling[step], z = coupling[2 * step];
-            rows[h * width + c] = root(0, 0) * x + root(1, 0) * y + root(2, 0) * z;
-            rows[(h + 1) * width + c] = root(1, 1) * y + root(2, 1) * z;
-            rows[(h + 2) * width + c] = root(2, 2) * z;
+            to[c] = root(0, 0) * x + root(1, 0) * y + root(2, 0) * z;
+            to[width + c] = root(1, 1) * y + root(2, 1) * z;
+            to[2 * width + c] = root(2, 2) * z;
         };
         for (int j = 0; j < num_shared; ++j) {
-            set(j, arrow.shared.data() + h * shared_width + num_hidden + j, shared_width);
+            set(j, arrow.shared.data() + h * arrow.shared_width + num_hidden + j, arrow.shared_width);
         }
         for (int i = num_shared; i < size; ++i) {
             set(i, arrow.own.data() + (i - num_shared) * arrow.width() + arrow.own_width + h, 1);
+        }
+        for (int axis = 0; axis < 3; ++axis) {
+            std::fill(to + axis * width + size, to + (axis + 1) * width, 0.0f);
         }
     }
     float* gram = room_for(system.gram, width * width);
     std::fill_n(gram, width * width, 0.0f);
     kernels->add_gram(rows, num_hidden, width, gram);
     for (int j = 0; j < size; ++j) {
-        for (int i = j; i < size; ++i) {
-            system.hessian(i, j) -= gram[j * width + i];
-        }
+        std::transform(gram + j * width + j, gram + j * width + size, system.hessian.data() + j * (size + 1),
+                       [](float taken) { return -static_cast<double>(taken); });
     }
 }
 

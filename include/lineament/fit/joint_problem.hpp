@@ -253,6 +253,7 @@ private:
                     int width, JointSystem& system) const;
     void set_arrow(const JointState& state, JointSystem& system) const;
     void set_arrow_of_biases(JointSystem& system) const;
+    void set_less_biases(JointSystem& system) const;
     void add_shape_gram_of_biases(JointSystem& system, float* gram) const;
     void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerms& terms, double own_scale,
                            Eigen::MatrixX2d& rows) const;
