@@ -201,6 +201,13 @@ TEST(PositiveFactor, SolvesImageByImage)
                     EXPECT_THAT(factor.inverse_block(some),
                                 IsNear(Eigen::MatrixXd(damped.inverse()(some, some)), 1e-4));
                 }
+                EXPECT_THAT(factor.inverse_columns(visible.rows(), 7),
+                            IsNear(Eigen::MatrixXd(visible.inverse().leftCols(7)), 1e-4));
+                const std::vector<int> kept = {0, 2, 7, 8, 9, 11, static_cast<int>(visible.rows()) - 1};
+                const detail::ArrowMatrix block = arrow.matrix.block(kept);
+                ASSERT_TRUE(factor.factor(block, 0.0));
+                EXPECT_THAT(factor.inverse_columns(7, 4),
+                            IsNear(Eigen::MatrixXd(Eigen::MatrixXd(visible(kept, kept)).inverse().leftCols(4)), 1e-4));
                 factor.factor(visible); // nothing of the arrow stays
                 EXPECT_THAT(factor.solve(b), IsNear(Eigen::MatrixXd(visible.inverse() * b), 1e-4));
                 for (const int bad : {num_hidden, static_cast<int>(arrow.all.rows()) - 1}) { // shared, own

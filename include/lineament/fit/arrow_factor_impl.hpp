@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -45,6 +46,50 @@ struct ArrowMatrix
         const double own_count = num_own(), beside = num_beside(), size = own_count + num_shared;
         return own_count * beside * beside / 2 + std::pow(beside, 3) / 6 <
                num_hidden * size * size / 2 + std::pow(size, 3) / 6;
+    }
+
+    /// That of the hidden unknowns and some others, ascending positions in [shared | own of each image].
+    [[nodiscard]] ArrowMatrix block(const std::vector<int>& kept) const
+    {
+        std::vector<int> columns(static_cast<std::size_t>(num_hidden)); // of [hidden | shared]
+        std::iota(columns.begin(), columns.end(), 0);
+        auto next = kept.begin();
+        for (; next != kept.end() && *next < num_shared; ++next) {
+            columns.push_back(num_hidden + *next);
+        }
+        std::vector<std::vector<int>> of_images; // rows of `own`
+        std::vector<int> kept_counts;
+        int end = num_shared;
+        for (const int count : counts) {
+            end += count;
+            of_images.emplace_back();
+            for (; next != kept.end() && *next < end; ++next) {
+                of_images.back().push_back(*next - num_shared);
+            }
+            kept_counts.push_back(static_cast<int>(of_images.back().size()));
+        }
+        ArrowMatrix block;
+        block.set_zero(kept_counts, num_hidden, static_cast<int>(columns.size()) - num_hidden);
+        float* to = block.shared.data();
+        for (std::size_t i = 0; i < columns.size(); ++i, to += block.shared_width) {
+            for (std::size_t j = i; j < columns.size(); ++j) {
+                to[j] = shared.data()[columns[i] * shared_width + columns[j]];
+            }
+        }
+        to = block.own.data();
+        int first = 0; // row of the image
+        for (std::size_t f = 0; f < counts.size(); first += counts[f], ++f) {
+            for (std::size_t i = 0; i < of_images[f].size(); ++i, to += block.width()) {
+                const float* from = own.data() + of_images[f][i] * width();
+                for (std::size_t j = i; j < of_images[f].size(); ++j) {
+                    to[j] = from[of_images[f][j] - first];
+                }
+                for (std::size_t j = 0; j < columns.size(); ++j) {
+                    to[static_cast<std::size_t>(block.own_width) + j] = from[own_width + columns[j]];
+                }
+            }
+        }
+        return block;
     }
 
     /// Makes room, zeroed.
@@ -177,6 +222,50 @@ public:
         return result;
     }
 
+    /// The first `count` columns of the inverse, of shared unknowns; the hidden ones left out.
+    [[nodiscard]] Eigen::MatrixXd inverse_columns(int count)
+    {
+        constexpr int step = kernels::num_right_sides;
+        using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+        using SideBySide = Eigen::Matrix<float, Eigen::Dynamic, step, Eigen::RowMajor>;
+        const ArrowMatrix& matrix = *matrix_;
+        const int num_own = matrix.num_own(), num_beside = matrix.num_beside();
+        const int width = kernels::round_up(count, kernels::width_step);
+        Eigen::Map<Rows> beside(room_for(columns_, (num_beside + num_own) * width), num_beside, width);
+        Eigen::Map<Rows> own(beside.data() + num_beside * width, num_own, width);
+        beside.setZero();
+        own.setZero();
+        for (int begin = 0; begin < count; begin += step) {
+            const int num_units = std::min(step, count - begin);
+            Eigen::Map<SideBySide> units(room_for(beside_solved_, num_beside * step), num_beside, step);
+            units.setZero();
+            units.middleRows(matrix.num_hidden + begin, num_units).leftCols(num_units).setIdentity();
+            kernels_->solve_factored_float(shared_.data(), num_beside, matrix.shared_width, shared_inverses_.data(),
+                                           units.data());
+            beside.middleCols(begin, num_units) = units.leftCols(num_units);
+        }
+        for (int row = 0; row < num_own; ++row) {
+            kernels_->add_rows(beside.data(), num_beside, width,
+                               matrix.own.data() + row * matrix.width() + matrix.own_width, own.row(row).data());
+        }
+        for (int begin = 0; begin < count; begin += step) {
+            const int num_units = std::min(step, count - begin);
+            Eigen::Map<SideBySide> solved(room_for(solved_, num_own * step), num_own, step);
+            solved.setZero();
+            solved.leftCols(num_units) = own.middleCols(begin, num_units);
+            int row = 0;
+            for (const int num_rows : matrix.counts) {
+                solve_own(row, num_rows, solved.data());
+                row += num_rows;
+            }
+            own.middleCols(begin, num_units) = -solved.leftCols(num_units);
+        }
+        Eigen::MatrixXd columns(matrix.num_shared + num_own, count);
+        columns.topRows(matrix.num_shared) = beside.bottomLeftCorner(matrix.num_shared, count).cast<double>();
+        columns.bottomRows(num_own) = own.leftCols(count).cast<double>();
+        return columns;
+    }
+
     /// U^-T e_k for some unknowns k of [shared | own of each image], as columns of num_rows() rows of `width`.
     void set_halves(const std::vector<int>& unknowns, int width, float* halves)
     {
@@ -282,7 +371,7 @@ private:
     AlignedBuffer<float> shared_ = {}; ///< U of [hidden | shared], the own ones eliminated.
     AlignedBuffer<float> own_inverses_ = {}, shared_inverses_ = {};
     std::vector<float> damping_ = {};
-    AlignedBuffer<float> solved_ = {}, more_ = {}, beside_solved_ = {}, sums_ = {}, factors_ = {};
+    AlignedBuffer<float> solved_ = {}, more_ = {}, beside_solved_ = {}, sums_ = {}, factors_ = {}, columns_ = {};
     AlignedBuffer<double> x_ = {}, products_ = {};
 };
 

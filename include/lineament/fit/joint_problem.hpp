@@ -181,8 +181,11 @@ public:
     /// With the matrix of those; the arrow alone where the problem is_arrow().
     void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
-    /// Of several images, by kernels.
-    [[nodiscard]] bool is_arrow() const { return kernels != nullptr && images.size() > 1; }
+    /// Of several images or with biases, by kernels.
+    [[nodiscard]] bool is_arrow() const
+    {
+        return kernels != nullptr && (images.size() > 1 || bias_variances_mm.size() > 0);
+    }
 
     /// Sets the system's matrix from its arrow, if that is all there is.
     void complete_hessian(JointSystem& system) const;

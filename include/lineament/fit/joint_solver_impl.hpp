@@ -121,7 +121,6 @@ inline void factor_system(const JointProblem& problem, JointSystem& system, doub
 LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system,
                                                   PositiveFactor& factor)
 {
-    problem.complete_hessian(system);
     std::vector<int> linear; // positions among the unknowns
     for (int i = 0; i < static_cast<int>(system.unknowns.size()); ++i) {
         if (!problem.is_camera(system.unknowns[i])) {
@@ -131,7 +130,13 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
     const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
     PositiveFactor of_linear(problem.kernels);
     const bool is_leading = !problem.is_arrow() && (num_linear == 0 || linear.back() + 1 == num_linear);
-    if (!is_leading) {
+    ArrowMatrix arrow;
+    const bool is_sparse = problem.is_arrow() && system.arrow.is_sparse();
+    if (is_sparse) {
+        arrow = system.arrow.block(linear);
+    }
+    if (!is_leading && !(is_sparse && of_linear.factor(arrow, 0.0))) {
+        problem.complete_hessian(system);
         of_linear.factor(block_of(system.hessian, linear));
     }
     PositiveFactor& lambda = is_leading ? factor : of_linear;

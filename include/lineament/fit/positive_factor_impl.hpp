@@ -173,6 +173,9 @@ public:
     /// The leading `count` columns of the inverse of the leading n unknowns' block.
     [[nodiscard]] Eigen::MatrixXd inverse_columns(Eigen::Index n, Eigen::Index count)
     {
+        if (is_arrow_) { // n is all
+            return arrow_.inverse_columns(static_cast<int>(count));
+        }
         if (kernels_ == nullptr || !is_single_) {
             return inverse(n).leftCols(count);
         }
