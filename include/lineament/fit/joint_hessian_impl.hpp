@@ -88,6 +88,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_coupling_rows(const JointState& stat
         const int num_points = static_cast<int>(images[f].used.size());
         const double scale = own_scale(f, state);
         double* matrices = room_for(system.factors, 9 * num_points);
+        std::fill_n(matrices, 9 * num_points, 0.0);
         std::vector<int>& targets = system.targets;
         targets.assign(images[f].used.size(), -1);
         float* own = coupling + coupling_column(own_begin(f));
@@ -346,9 +347,9 @@ LINEAMENT_FIT_INLINE void JointProblem::set_arrow(const JointState& state, Joint
                 own[phi_column] = gram[i];
             }
             const int unknown = others_of_image[static_cast<std::size_t>(i)] - static_cast<int>(num_shared());
-            const float* coupling = system.coupling_rows.data() + coupling_column(own_begin(f)) + unknown;
+            const int coupled = coupling_column(own_begin(f)) + unknown, step = coupling_width();
             for (int h = 0; h < num_hidden; ++h) {
-                own[arrow.own_width + h] = coupling[h * coupling_width()];
+                own[arrow.own_width + h] = system.coupling_rows.data()[h * step + coupled];
             }
             if (unknown < num_expressions_) {
                 own[i - num_phi] += static_cast<float>(std::pow(options_.expression_sigma, -2));
