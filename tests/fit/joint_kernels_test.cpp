@@ -100,6 +100,42 @@ TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecisionForAKnownIdentity)
     }
 }
 
+TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecisionOfSeveralImages)
+{
+    Random random(712);
+    const Eigen::VectorXd alpha = test::random_normal(random, model.shape.num_coefficients());
+    std::vector<LandmarkSet> images;
+    for (int image = 0; image < 5; ++image) {
+        const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
+        images.push_back(
+            test::project_landmarks(model, "ibug68", alpha, psi, test::random_camera(random, 45), 1.5, random));
+    }
+    images[1].landmarks.resize(40); // biases of the others have no point there
+    for (const bool has_phi : {false, true}) {
+        JointOptions given = options();
+        if (has_phi) {
+            given.phi_sigma_per_mm = 0.002;
+        }
+        const JointFramesResult expected = JointFitter(model, "ibug68", given).fit_frames(images, {320, 240});
+        ASSERT_EQ(expected.status, FitStatus::success) << expected.reason;
+        EXPECT_GT(expected.landmark_bias_mm.norm(), 1);
+        for (const kernels::Kernels* set : kernels::supported_kernels()) {
+            const JointFramesResult result = JointFitter(model, "ibug68", given, set).fit_frames(images, {320, 240});
+            ASSERT_EQ(result.status, FitStatus::success) << set->name << ": " << result.reason;
+            EXPECT_LT((result.landmark_bias_mm - expected.landmark_bias_mm).cwiseAbs().maxCoeff(), 1e-3) << set->name;
+            for (std::size_t f = 0; f < images.size(); ++f) {
+                const JointFitResult &fit = result.frames[f], &plain = expected.frames[f];
+                EXPECT_LT(1000 * test::largest_vertex_distance_mm(model, fit.fit, plain.fit), 1) << set->name;
+                EXPECT_NEAR(fit.scale_strength, plain.scale_strength, 1e-4 * plain.scale_strength) << set->name;
+                const double largest = plain.covariance.cwiseAbs().maxCoeff();
+                EXPECT_LT((fit.covariance - plain.covariance).cwiseAbs().maxCoeff(), 3e-4 * largest) << set->name;
+                EXPECT_LT((fit.expression_deviations - plain.expression_deviations).cwiseAbs().maxCoeff(), 1e-4)
+                    << set->name;
+            }
+        }
+    }
+}
+
 TEST_P(JointKernelsTest, GiveTheMeshOfPlainSums)
 {
     FitResult fit = JointFitter(model, "ibug68", options()).fit(faces()[0], {320, 240}).fit;

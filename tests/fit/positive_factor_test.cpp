@@ -46,6 +46,8 @@ TEST(PositiveFactor, SolvesAndInvertsWhateverItHeldBefore)
             const Eigen::MatrixXd of_leading = matrix.topLeftCorner(leading, leading).inverse();
             EXPECT_THAT(factor.inverse(leading), IsNear(of_leading, rounding));
             EXPECT_THAT(factor.inverse(n), IsNear(inverse, rounding));
+            EXPECT_THAT(factor.inverse_columns(leading, count),
+                        IsNear(Eigen::MatrixXd(of_leading.leftCols(count)), rounding));
             EXPECT_NEAR(factor.inverse_trace(leading, count, {}), of_leading.topLeftCorner(count, count).trace(),
                         rounding);
             const Eigen::MatrixXd weights = matrix.topLeftCorner(count, count);
@@ -89,7 +91,8 @@ TEST(PositiveFactor, FactorsABlockInDoublePrecision)
                 }
             }
             const Eigen::MatrixXd lower = matrix.triangularView<Eigen::Lower>(); // nothing above is read
-            const Eigen::VectorXd explained = factor.factor_block(lower, block, others);
+            detail::RoomyMatrix<Eigen::VectorXd> explained;
+            factor.factor_block(lower, block, others, explained);
             const Eigen::MatrixXd inverse = Eigen::MatrixXd(matrix(block, block)).inverse();
             const Eigen::MatrixXd cross = matrix(block, others);
             EXPECT_THAT(explained, IsNear(Eigen::VectorXd((cross.transpose() * inverse * cross).diagonal()), 1e-9));
@@ -112,6 +115,123 @@ TEST(PositiveFactor, WhatIsNotPositiveDefiniteToSinglePrecisionIsSolvedInDouble)
             EXPECT_THAT(Eigen::MatrixXd(matrix * solved(factor, b)), IsNear(b, 1e-5)) << set->name;
             EXPECT_NEAR(factor.inverse_trace(4, 4, {}), 3 + 1 / (1 + 4 * large), 1e-5) << set->name;
         }
+    }
+}
+
+/// [hidden | shared | own of each image], positive definite.
+struct Arrow
+{
+    Eigen::MatrixXd all;
+    detail::ArrowMatrix matrix = {};
+
+    Arrow(Random& random, const std::vector<int>& counts, int num_hidden, int num_shared)
+    {
+        matrix.set_zero(counts, num_hidden, num_shared);
+        const int num_beside = matrix.num_beside(), size = num_beside + matrix.num_own();
+        all = Eigen::MatrixXd::Zero(size, size);
+        const auto couple = [&](int i, int j) { all(i, j) = all(j, i) = 0.2 * random.normal(); };
+        for (int j = 0; j < num_beside; ++j) {
+            for (int i = 0; i <= j; ++i) {
+                if (j >= num_hidden || i / 3 == j / 3) {
+                    couple(i, j);
+                }
+            }
+        }
+        int begin = num_beside;
+        for (const int count : counts) {
+            for (int j = begin; j < begin + count; ++j) {
+                for (int i = 0; i < num_beside; ++i) {
+                    couple(i, j);
+                }
+                for (int i = begin; i <= j; ++i) {
+                    couple(i, j);
+                }
+            }
+            begin += count;
+        }
+        all.diagonal().array() += 0.5 * std::sqrt(size) + 1;
+        pack();
+    }
+
+    void pack()
+    {
+        const int num_beside = matrix.num_beside();
+        for (int i = 0; i < num_beside; ++i) {
+            for (int j = i; j < num_beside; ++j) {
+                matrix.shared[i * matrix.shared_width + j] = static_cast<float>(all(i, j));
+            }
+        }
+        int first = num_beside;
+        for (const int count : matrix.counts) {
+            for (int i = first; i < first + count; ++i) {
+                float* row = matrix.own.data() + (i - num_beside) * matrix.width();
+                for (int j = i; j < first + count; ++j) {
+                    row[j - first] = static_cast<float>(all(i, j));
+                }
+                for (int j = 0; j < num_beside; ++j) {
+                    row[matrix.own_width + j] = static_cast<float>(all(i, j));
+                }
+            }
+            first += count;
+        }
+    }
+
+    /// Hidden unknowns eliminated.
+    [[nodiscard]] Eigen::MatrixXd visible() const
+    {
+        const int num_hidden = matrix.num_hidden, size = static_cast<int>(all.rows()) - num_hidden;
+        const Eigen::MatrixXd cross = all.topRightCorner(num_hidden, size);
+        return all.bottomRightCorner(size, size) -
+               cross.transpose() * all.topLeftCorner(num_hidden, num_hidden).inverse() * cross;
+    }
+};
+
+TEST(PositiveFactor, SolvesImageByImage)
+{
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        SCOPED_TRACE(set->name);
+        Random random(823);
+        detail::PositiveFactor factor(set);
+        for (const int num_hidden : {0, 6}) {
+            for (const std::vector<int>& counts : {std::vector<int>{4, 19, 0, 7}, {3, 3}}) {
+                Arrow arrow(random, counts, num_hidden, 9);
+                const Eigen::MatrixXd visible = arrow.visible();
+                const Eigen::MatrixXd b = test::random_normal(random, 11 * visible.rows()).reshaped(visible.rows(), 11);
+                for (const double damping : {0.5, 0.0}) {
+                    Eigen::MatrixXd damped = visible;
+                    damped.diagonal() *= 1 + damping;
+                    ASSERT_TRUE(factor.factor(arrow.matrix, damping));
+                    EXPECT_THAT(solved(factor, b), IsNear(Eigen::MatrixXd(damped.inverse() * b), 1e-4));
+                    const std::vector<int> some = {12, 0, 13, 10, 3, 9, 14, 8, 11}; // more than a kernel takes at once
+                    EXPECT_THAT(factor.inverse_block(some),
+                                IsNear(Eigen::MatrixXd(damped.inverse()(some, some)), 1e-4));
+                }
+                EXPECT_THAT(factor.inverse_columns(visible.rows(), 7),
+                            IsNear(Eigen::MatrixXd(visible.inverse().leftCols(7)), 1e-4));
+                const std::vector<int> kept = {0, 2, 7, 8, 9, 11, static_cast<int>(visible.rows()) - 1};
+                const detail::ArrowMatrix block = arrow.matrix.block(kept);
+                ASSERT_TRUE(factor.factor(block, 0.0));
+                EXPECT_THAT(factor.inverse_columns(7, 4),
+                            IsNear(Eigen::MatrixXd(Eigen::MatrixXd(visible(kept, kept)).inverse().leftCols(4)), 1e-4));
+                factor.factor(visible); // nothing of the arrow stays
+                EXPECT_THAT(solved(factor, b), IsNear(Eigen::MatrixXd(visible.inverse() * b), 1e-4));
+                for (const int bad : {num_hidden, static_cast<int>(arrow.all.rows()) - 1}) { // shared, own
+                    Arrow indefinite = arrow;
+                    indefinite.all(bad, bad) = -1;
+                    indefinite.pack();
+                    EXPECT_FALSE(factor.factor(indefinite.matrix, 0.0)) << bad;
+                }
+            }
+        }
+    }
+}
+
+TEST(PositiveFactor, ManyImagesAreSparse)
+{
+    detail::ArrowMatrix matrix;
+    for (const int num_images : {2, 10, 100}) { // of 51 biases and 60 coefficients
+        matrix.set_zero(std::vector<int>(num_images, 12), 153, 60);
+        EXPECT_EQ(matrix.is_sparse(), num_images == 100) << num_images;
     }
 }
 

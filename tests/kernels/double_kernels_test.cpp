@@ -97,6 +97,24 @@ TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
     EXPECT_THAT(projected, IsNear(expected, 1e-6));
 }
 
+TEST_P(DoubleKernelsTest, AddsPointsEachTurnedToItsTarget)
+{
+    const int width = 24, out_width = 32, num_points = 4, num_targets = 3;
+    const int targets[num_points] = {2, -1, 0, 2}; // one takes two points, one none
+    const AlignedBuffer<float> rows = random_floats(random, 3 * num_points * width);
+    const AlignedBuffer<double> matrices = random_doubles(random, 9 * num_points);
+    AlignedBuffer<float> out = random_floats(random, 3 * num_targets * out_width);
+    Eigen::MatrixXd expected = matrix_of(out, 3 * num_targets, out_width); // the other columns are left alone
+    kernels.add_turned_points(rows.data(), width, num_points, matrices.data(), targets, out.data(), out_width);
+    for (int i = 0; i < num_points; ++i) {
+        if (targets[i] >= 0) {
+            expected.block(3 * targets[i], 0, 3, width) += matrix_of(matrices, 3 * num_points, 3).middleRows(3 * i, 3) *
+                                                           matrix_of(rows, 3 * num_points, width).middleRows(3 * i, 3);
+        }
+    }
+    EXPECT_THAT(matrix_of(out, 3 * num_targets, out_width), IsNear(expected, 1e-5));
+}
+
 TEST_P(DoubleKernelsTest, AddsGramMatrixOfLowerTriangle)
 {
     for (const int n : {1, 8, 21, 40, 70}) {
@@ -300,11 +318,18 @@ TEST_P(DoubleKernelsTest, FactorsAndSolvesInSinglePrecision)
         in_place.leftCols(n).triangularView<Eigen::StrictlyLower>().setConstant(
             std::numeric_limits<float>::quiet_NaN());
         Eigen::Map<Floats>(x.data(), n, num_right_sides) = (a * expected).cast<float>();
+        AlignedBuffer<float> lower(n * num_right_sides); // begins with zeros
+        Eigen::Map<Floats>(lower.data(), n, num_right_sides).bottomRows((n + 1) / 2).setOnes();
+        const Eigen::MatrixXd lower_right_side = matrix_of(lower, n, num_right_sides);
         const float pivot = kernels.factor_positive_float(system.data(), n, width, inverses.data());
+        kernels.solve_lower_float(system.data(), n, width, inverses.data(), lower.data());
         kernels.solve_factored_float(system.data(), n, width, inverses.data(), x.data());
         const Eigen::MatrixXd u = in_place.leftCols(n).cast<double>().triangularView<Eigen::Upper>();
         EXPECT_THAT(u, IsNear(Eigen::MatrixXd(Eigen::LLT<Eigen::MatrixXd>(a).matrixU()), 1e-5)) << n;
         EXPECT_THAT(matrix_of(x, n, num_right_sides), IsNear(expected, 1e-4)) << n;
+        EXPECT_THAT(Eigen::MatrixXd(u.transpose() * matrix_of(lower, n, num_right_sides)),
+                    IsNear(lower_right_side, 1e-4))
+            << n;
         EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-5);
         AlignedBuffer<float> inverse = random_floats(random, static_cast<std::size_t>(n) * width);
         kernels.invert_factor_float(system.data(), n, width, inverse.data(), width);

@@ -17,6 +17,11 @@ struct IdentityPrior
     Eigen::VectorXd mean = {};   ///< mu.
     int num_images = 0;          ///< That it comes from.
 
+    [[nodiscard]] double entry(Eigen::Index row, Eigen::Index column) const ///< Of Lambda.
+    {
+        return matrix.size() > 0 ? matrix(row, column) : row == column ? 1.0 : 0.0;
+    }
+
     /// N(0, 1).
     explicit IdentityPrior(Eigen::Index num_coefficients)
         : vector(Eigen::VectorXd::Zero(num_coefficients)), mean(vector)

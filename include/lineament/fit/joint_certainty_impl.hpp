@@ -15,74 +15,82 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <new>
 #include <vector>
 
 namespace lineament::detail {
 
 /// How sure the unknowns are.
-struct JointCertainty
+class JointCertainty
 {
-    std::vector<int> free = {};      ///< Ascending; the others are held at a bound.
-    PositiveFactor::Square inverse;  ///< The covariance of those, in memory of the factor.
-    Eigen::VectorXd deviations = {}; ///< K, standard deviations, each as if it were free.
+public:
+    /// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
+    /// unknown k that is held.
+    /// @param system  With the matrix of all unknowns.
+    /// @param factor  Its memory holds the answer.
+    void find(const JointProblem& problem, const JointState& state, JointSystem& system, PositiveFactor& factor)
+    {
+        problem.find_free_unknowns(state, system, free_);
+        held_.clear();
+        std::set_difference(system.unknowns.begin(), system.unknowns.end(), free_.begin(), free_.end(),
+                            std::back_inserter(held_));
+        const Eigen::Index num_free = static_cast<Eigen::Index>(free_.size());
+        factor.factor_block(system.hessian, free_, held_, explained_);
+        const PositiveFactor::Square inverse = factor.inverse(num_free);
+        new (&inverse_) PositiveFactor::Square(inverse);
+        deviations_.resize(system.hessian.rows());
+        for (Eigen::Index i = 0; i < num_free; ++i) {
+            deviations_[free_[static_cast<std::size_t>(i)]] = std::sqrt(inverse_(i, i));
+        }
+        for (std::size_t k = 0; k < held_.size(); ++k) {
+            const int unknown = held_[k];
+            deviations_[unknown] =
+                1 / std::sqrt(system.hessian(unknown, unknown) - explained_[static_cast<Eigen::Index>(k)]);
+        }
+    }
 
-    [[nodiscard]] bool is_finite() const { return deviations.allFinite(); }
+    [[nodiscard]] bool is_finite() const { return deviations_.allFinite(); }
 
-    /// Of some unknowns, ascending; rows of those held are 0.
-    [[nodiscard]] Eigen::MatrixXd covariance_of(const std::vector<int>& unknowns) const
+    /// K, standard deviations, each as if it were free.
+    [[nodiscard]] const Eigen::VectorXd& deviations() const { return deviations_; }
+
+    /// Sets the block of some unknowns, ascending; rows of those held are 0.
+    template <typename Block>
+    void set_covariance(const std::vector<int>& unknowns, Block covariance)
     {
         const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
-        std::vector<Eigen::Index> positions; // among the free, or -1
-        auto next = free.begin();
+        positions_.clear();
+        auto next = free_.begin();
         for (const int unknown : unknowns) {
-            next = std::lower_bound(next, free.end(), unknown);
-            positions.push_back(next != free.end() && *next == unknown ? next - free.begin() : -1);
+            next = std::lower_bound(next, free_.end(), unknown);
+            positions_.push_back(next != free_.end() && *next == unknown ? next - free_.begin() : -1);
         }
         Eigen::Index num_same = 0; // the first, which are the first of the free
-        while (num_same < size && positions[static_cast<std::size_t>(num_same)] == num_same) {
+        while (num_same < size && positions_[static_cast<std::size_t>(num_same)] == num_same) {
             ++num_same;
         }
-        Eigen::MatrixXd covariance(size, size);
         for (Eigen::Index j = 0; j < size; ++j) { // several times as fast as an indexed view
-            const Eigen::Index from = positions[static_cast<std::size_t>(j)];
+            const Eigen::Index from = positions_[static_cast<std::size_t>(j)];
             if (from < 0) {
                 covariance.col(j).setZero();
                 continue;
             }
-            covariance.col(j).head(num_same) = inverse.col(from).head(num_same);
+            covariance.col(j).head(num_same) = inverse_.col(from).head(num_same);
             for (Eigen::Index i = num_same; i < size; ++i) {
-                const Eigen::Index at = positions[static_cast<std::size_t>(i)];
-                covariance(i, j) = at >= 0 ? inverse(at, from) : 0.0;
+                const Eigen::Index at = positions_[static_cast<std::size_t>(i)];
+                covariance(i, j) = at >= 0 ? inverse_(at, from) : 0.0;
             }
         }
-        return covariance;
     }
-};
 
-/// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
-/// unknown k that is held.
-/// @param system  With the matrix of all unknowns.
-/// @param factor  Its memory holds the answer.
-[[nodiscard]] inline JointCertainty certainty_of(const JointProblem& problem, const JointState& state,
-                                                 JointSystem& system, PositiveFactor& factor)
-{
-    std::vector<int> free;
-    problem.find_free_unknowns(state, system, free);
-    std::vector<int> held;
-    std::set_difference(system.unknowns.begin(), system.unknowns.end(), free.begin(), free.end(),
-                        std::back_inserter(held));
-    const Eigen::Index num_free = static_cast<Eigen::Index>(free.size());
-    const Eigen::VectorXd explained = factor.factor_block(system.hessian, free, held);
-    JointCertainty certainty{free, factor.inverse(num_free), Eigen::VectorXd(system.hessian.rows())};
-    for (Eigen::Index i = 0; i < num_free; ++i) {
-        certainty.deviations[free[i]] = std::sqrt(certainty.inverse(i, i));
-    }
-    for (std::size_t k = 0; k < held.size(); ++k) {
-        certainty.deviations[held[k]] =
-            1 / std::sqrt(system.hessian(held[k], held[k]) - explained[static_cast<Eigen::Index>(k)]);
-    }
-    return certainty;
-}
+private:
+    std::vector<int> free_ = {}; ///< Ascending; the others are held at a bound.
+    std::vector<int> held_ = {};
+    PositiveFactor::Square inverse_ = {nullptr, 0, 0, Eigen::OuterStride<>(0)}; ///< The covariance of the free.
+    Eigen::VectorXd deviations_ = {};
+    RoomyMatrix<Eigen::VectorXd> explained_ = {};
+    std::vector<Eigen::Index> positions_ = {}; ///< Among the free, or -1.
+};
 
 } // namespace lineament::detail
 

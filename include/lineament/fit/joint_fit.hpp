@@ -64,7 +64,7 @@ private:
     void set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,
                        double matched_scale, double scale_strength);
     void linearize();                              ///< At the state, with its points placed.
-    [[nodiscard]] JointCertainty find_certainty(); ///< At the state, where its points are placed.
+    void find_certainty();                         ///< At the state, where its points are placed.
     void set_certainty(JointFramesResult& result); ///< Of each frame.
     void match();
     [[nodiscard]] bool turn_by_depth(std::size_t used_index); ///< False where it stays.
@@ -96,6 +96,8 @@ private:
     Eigen::VectorXd weights_ = {};
     std::vector<double> squared_distances_ = {};
     std::vector<unsigned char> is_used_ = {};
+    JointCertainty certainty_ = {};
+    std::vector<int> face_ = {};
     JointFramesResult result_ = {};
 
     /// For the expression of one image.

@@ -267,8 +267,8 @@ inline Eigen::VectorXd JointFit::expression_deviations(const FitResult& at)
 {
     const Eigen::VectorXd psi = state_.psi[0]; // within its bounds
     set_system_at(at.camera, at.shape_coefficients, psi, at.camera.scale_px_per_mm, 0.0);
-    return certainty_of(problem_, state_, scratch_.system, scratch_.factor)
-        .deviations.segment(problem_.own_begin(0), psi.size());
+    certainty_.find(problem_, state_, scratch_.system, scratch_.factor);
+    return certainty_.deviations().segment(problem_.own_begin(0), psi.size());
 }
 
 inline IdentityInformation JointFit::identity_information(const JointFitResult& at)

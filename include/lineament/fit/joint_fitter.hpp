@@ -150,7 +150,8 @@ private:
 /// 0 <= psi <= 1. The last term keeps the scale from growing so that the coefficients may shrink. Steps are damped
 /// Gauss-Newton steps on all unknowns at once; each step taken lowers E. `const` members may run in several threads at
 /// once. Same input, same bits.
-/// @par Cost       About O(L (m + k)^2 + (m + F k)^3) a step for F images: meant for some dozens of images at once.
+/// @par Cost       About O(L (m + k)^2 + (m + F k)^3) a step for F images; by kernels O(F k (m + 3L)^2 + (m + 3L)^3)
+///                 where that is less, with the cube once, for the covariance. Meant for some dozens of images at once.
 /// @par Reference  The maximum a posteriori form of Huber's pipeline (PhD thesis, University of Surrey 2017, chapters 4
 ///                 and 5); the scale term and the bias model are derived in docs/joint-fit.md.
 class JointFitter
@@ -189,8 +190,8 @@ public:
     /// The same bits, written to `result`, whose memory is used again.
     ///
     /// With kernels, from the second call on with as many landmarks, nothing is allocated for a face with a usable
-    /// pose, unless `earlier` is given, a focal length is known or asked for, landmarks have depths, are wild or lie
-    /// on a silhouette.
+    /// pose, long names of unobservable expressions apart, unless `earlier` is given, a focal length is known or asked
+    /// for, landmarks have depths, are wild or lie on a silhouette.
     /// @param start  May be result.fit.
     void fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, JointWorkspace& workspace,
              JointFitResult& result, const FitResult* start = nullptr,

@@ -219,7 +219,10 @@ LINEAMENT_FIT_INLINE std::vector<std::string> JointFitter::unobservable_expressi
         at.status == FitStatus::too_few_correspondences) {
         return {};
     }
-    return detail::unobservable_names(fit.expression_deviations(at), expressions->names, options_.expression_sigma);
+    std::vector<std::string> unobservable;
+    detail::set_unobservable_names(fit.expression_deviations(at), expressions->names, options_.expression_sigma,
+                                   unobservable);
+    return unobservable;
 }
 
 namespace detail {

@@ -13,6 +13,7 @@
 #include <Eigen/Core>
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace lineament::detail {
@@ -89,24 +90,28 @@ struct JointSystem
 {
     std::vector<int> unknowns = {};            ///< Those that the matrix is of, n of K, ascending.
     RoomyMatrix<Eigen::MatrixXd> hessian = {}; ///< n x n, lower triangle.
+    ArrowMatrix arrow = {};                    ///< The same with the biases, hidden, where the problem is_arrow().
+    bool has_hessian = false;                  ///< Or the arrow alone.
     Eigen::VectorXd gradient = {};             ///< K.
     Eigen::VectorXd down = {}; ///< K, how far each unknown may go; of the state that the gradient is of.
     Eigen::VectorXd up = {};
 
     // Needed for the scale term and to recover the biases:
-    std::vector<Eigen::MatrixXd> image_grams = {};     ///< Of several images or with biases: J^T W J of the unknowns
-                                                       ///< that move each, priors left out; lower triangle.
-    std::vector<Eigen::MatrixXd> image_couplings = {}; ///< With the biases, each image's own part, x 3L.
-    Eigen::MatrixXd bias_blocks = {};                  ///< 3 x 3L, the biases' own blocks, priors left out.
-    Eigen::MatrixXd bias_coupling = {};                ///< K x 3L.
-    Eigen::MatrixXd bias_inverse = {};                 ///< 3 x 3L, inverse blocks.
-    Eigen::Matrix3Xd bias_gradient = {};               ///< 3 x L.
+    Eigen::MatrixXd bias_coupling = {};      ///< K x 3L; by kernels the coupling rows instead.
+    Eigen::MatrixXd bias_blocks = {};        ///< 3 x 3L, the biases' own.
+    Eigen::MatrixXd bias_inverse = {};       ///< 3 x 3L, their inverses.
+    Eigen::Matrix3Xd bias_gradient = {};     ///< 3 x L.
+    AlignedBuffer<float> coupling_rows = {}; ///< Three for each bias that has points, all of its columns.
+    std::vector<int> rows_of_biases = {};    ///< L, where among these its three are, in threes, or -1.
+    int num_coupling_rows = 0;
+    Eigen::MatrixXd bias_points = {}; ///< 3 x 3L, J^T W J of the biases' model points.
 
     // Kept for their room:
     std::vector<PointTerms> terms = {}; ///< Of each image.
-    std::vector<int> free = {}, columns = {};
-    AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {};
+    std::vector<int> free = {}, columns = {}, of_columns = {};
+    AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {}, shape_gram = {};
     AlignedBuffer<double> factors = {}, sums = {};
+    std::vector<int> targets = {};
 };
 
 /// A round may change a scale by this factor at most: where no face explains the landmarks the energy has no minimum
@@ -179,8 +184,17 @@ public:
     /// the system's room.
     void find_free_unknowns(const JointState& state, JointSystem& system, std::vector<int>& free) const;
 
-    /// With the matrix of those.
+    /// With the matrix of those; the arrow alone where the problem is_arrow().
     void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
+
+    /// Of several images or with biases, by kernels.
+    [[nodiscard]] bool is_arrow() const
+    {
+        return kernels != nullptr && (images.size() > 1 || bias_variances_mm.size() > 0);
+    }
+
+    /// Sets the system's matrix from its arrow, if that is all there is.
+    void complete_hessian(JointSystem& system) const;
 
     /// The gradient alone anew; what has been eliminated with the biases stays. False where unknowns are free that the
     /// matrix is not of.
@@ -190,11 +204,19 @@ public:
     /// (a - mu)^T Lambda (a - mu).
     [[nodiscard]] double prior_squares(const Eigen::VectorXd& alpha) const;
 
+    [[nodiscard]] bool has_standard_prior() const { return prior_->matrix.size() == 0; } ///< Its matrix is 1.
+
     /// The prior's matrix of some of alpha; empty where it is 1.
     [[nodiscard]] Eigen::MatrixXd prior_of(const std::vector<int>& coefficients) const;
 
     /// Unknowns of the system's matrix that move an image, as positions in [shared | own].
     [[nodiscard]] std::vector<int> unknowns_of_image(std::size_t image, const std::vector<int>& unknowns) const;
+
+    /// n_f of every image, where there are several or biases.
+    /// @param linear   The system's unknowns without cameras.
+    /// @param columns  Those of alpha, of the inverse of these unknowns' block.
+    [[nodiscard]] std::vector<double> scale_strengths(const JointState& state, const std::vector<int>& linear,
+                                                      const Eigen::MatrixXd& columns, JointSystem& system) const;
 
     /// How far each unknown may go down and up.
     void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
@@ -216,13 +238,33 @@ private:
     void set_gradient(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
     void add_gradient(std::size_t image, const JointState& state, JointSystem& system) const;
     void set_couplings(const JointState& state, JointSystem& system) const;
+    void set_coupling_rows(const JointState& state, int num_rows, JointSystem& system) const;
+    /// Of coupling rows: [shared | own of each image], each part filled up.
+    [[nodiscard]] int coupling_column(Eigen::Index unknown) const
+    {
+        const int shared = static_cast<int>(num_shared()), own = static_cast<int>(num_own());
+        const int in_own = static_cast<int>(unknown) - shared;
+        return in_own < 0 ? static_cast<int>(unknown)
+                          : kernels::round_up(shared, kernels::width_step) +
+                                in_own / own * kernels::round_up(own, kernels::width_step) + in_own % own;
+    }
+    [[nodiscard]] int coupling_width() const { return coupling_column(num_unknowns()); }
+    [[nodiscard]] Eigen::MatrixXd bias_spread(const std::vector<int>& linear, const Eigen::MatrixXd& columns,
+                                              JointSystem& system) const;
+    [[nodiscard]] Eigen::Matrix3Xd bias_pulls(const JointSystem& system, const Eigen::VectorXd& step) const;
     void eliminate_bias_gradient(JointSystem& system) const;
     void set_hessian(const JointState& state, JointSystem& system) const;
     void eliminate_bias_hessian(JointSystem& system) const;
     void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
-                  Eigen::Ref<Eigen::MatrixXd> gram) const;
+                  RoomyMatrix<Eigen::MatrixXd>& gram) const;
     void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
-                             Eigen::Ref<Eigen::MatrixXd> gram) const;
+                             RoomyMatrix<Eigen::MatrixXd>& gram) const;
+    float* set_rows(std::size_t image, double own_scale, std::span<const int> others, int alpha_begin, int others_begin,
+                    int width, JointSystem& system) const;
+    void set_arrow(const JointState& state, JointSystem& system) const;
+    void set_arrow_of_biases(JointSystem& system) const;
+    void set_less_biases(JointSystem& system) const;
+    void add_shape_gram_of_biases(JointSystem& system, float* gram) const;
     void set_rows_of_point(std::size_t image, Eigen::Index point, const PointTerms& terms, double own_scale,
                            Eigen::MatrixX2d& rows) const;
 

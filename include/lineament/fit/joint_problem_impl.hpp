@@ -262,10 +262,57 @@ LINEAMENT_FIT_INLINE void JointProblem::set_rows_of_point(std::size_t image, Eig
 
 LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_gradient(JointSystem& system) const
 {
+    if (system.bias_gradient.size() == 0) {
+        return;
+    }
+    if (kernels != nullptr) {
+        double* factors = room_for(system.factors, system.num_coupling_rows);
+        for (Eigen::Index b = 0; b < system.bias_gradient.cols(); ++b) {
+            if (const int row = system.rows_of_biases[static_cast<std::size_t>(b)]; row >= 0) {
+                Eigen::Map<Eigen::Vector3d>(factors + 3 * row).noalias() =
+                    -system.bias_inverse.middleCols<3>(3 * b) * system.bias_gradient.col(b);
+            }
+        }
+        double* sums = room_for(system.sums, coupling_width());
+        std::fill_n(sums, coupling_width(), 0.0);
+        kernels->add_wide(system.coupling_rows.data(), system.num_coupling_rows, coupling_width(), factors, sums);
+        const Eigen::Map<const Eigen::VectorXd> in_columns(sums, coupling_width());
+        system.gradient.head(num_shared()) += in_columns.head(num_shared());
+        for (std::size_t f = 0; f < images.size(); ++f) {
+            system.gradient.segment(own_begin(f), num_own()) +=
+                in_columns.segment(coupling_column(own_begin(f)), num_own());
+        }
+        return;
+    }
     for (Eigen::Index b = 0; b < system.bias_gradient.cols(); ++b) {
         system.gradient.noalias() -= system.bias_coupling.middleCols<3>(3 * b) *
                                      (system.bias_inverse.middleCols<3>(3 * b) * system.bias_gradient.col(b));
     }
+}
+
+/// What a step adds to the gradient with respect to the biases.
+LINEAMENT_FIT_INLINE Eigen::Matrix3Xd JointProblem::bias_pulls(const JointSystem& system,
+                                                               const Eigen::VectorXd& step) const
+{
+    Eigen::Matrix3Xd pulls = Eigen::Matrix3Xd::Zero(3, system.bias_gradient.cols());
+    if (kernels == nullptr) {
+        Eigen::Map<Eigen::VectorXd>(pulls.data(), pulls.size()).noalias() = system.bias_coupling.transpose() * step;
+        return pulls;
+    }
+    AlignedBuffer<double> in_columns(static_cast<std::size_t>(coupling_width()));
+    std::copy_n(step.data(), num_shared(), in_columns.data());
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        std::copy_n(step.data() + own_begin(f), num_own(), in_columns.data() + coupling_column(own_begin(f)));
+    }
+    Eigen::Matrix3Xd products(3, system.num_coupling_rows / 3);
+    kernels->multiply_wide(system.coupling_rows.data(), system.num_coupling_rows, coupling_width(), in_columns.data(),
+                           products.data());
+    for (Eigen::Index b = 0; b < pulls.cols(); ++b) {
+        if (const int row = system.rows_of_biases[static_cast<std::size_t>(b)]; row >= 0) {
+            pulls.col(b) = products.col(row);
+        }
+    }
+    return pulls;
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::find_free_unknowns(const JointState& state, JointSystem& system,
@@ -301,7 +348,11 @@ LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, 
     set_couplings(state, system);
     eliminate_bias_gradient(system);
     find_free_unknowns(state, system, system.unknowns);
-    set_hessian(state, system);
+    if (is_arrow()) {
+        set_arrow(state, system);
+    } else {
+        set_hessian(state, system);
+    }
 }
 
 LINEAMENT_FIT_INLINE bool JointProblem::renew_gradient(const JointState& state, const std::vector<PlacedPoints>& placed,
@@ -357,10 +408,11 @@ LINEAMENT_FIT_INLINE void JointProblem::move(const JointState& state, const Join
                           .cwiseMax(0.0)
                           .cwiseMin(options_->max_expression);
     }
-    for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
-        const Eigen::Vector3d pull =
-            system.bias_gradient.col(b) + system.bias_coupling.middleCols<3>(3 * b).transpose() * step;
-        next.bias.col(b) -= system.bias_inverse.middleCols<3>(3 * b) * pull / (1 + damping);
+    if (state.bias.size() > 0) {
+        const Eigen::Matrix3Xd pulls = system.bias_gradient + bias_pulls(system, step);
+        for (Eigen::Index b = 0; b < state.bias.cols(); ++b) {
+            next.bias.col(b) -= system.bias_inverse.middleCols<3>(3 * b) * pulls.col(b) / (1 + damping);
+        }
     }
 }
 

@@ -200,17 +200,20 @@ inline void JointFit::withhold_unless_finite(JointFramesResult& result) const
     result = std::move(neutral);
 }
 
-/// Names of the expressions whose deviations are above 0.9 of the prior's.
-[[nodiscard]] inline std::vector<std::string> unobservable_names(const Eigen::VectorXd& deviations,
-                                                                 const std::vector<std::string>& names, double sigma)
+/// Sets the names of the expressions whose deviations are above 0.9 of the prior's.
+inline void set_unobservable_names(const Eigen::VectorXd& deviations, const std::vector<std::string>& names,
+                                   double sigma, std::vector<std::string>& unobservable)
 {
-    std::vector<std::string> unobservable;
+    std::size_t count = 0;
     for (std::size_t k = 0; k < names.size(); ++k) {
         if (deviations[static_cast<Eigen::Index>(k)] > 0.9 * sigma) {
-            unobservable.push_back(names[k]);
+            if (unobservable.size() <= count) {
+                unobservable.emplace_back();
+            }
+            unobservable[count++] = names[k];
         }
     }
-    return unobservable;
+    unobservable.resize(count);
 }
 
 inline void JointFit::linearize()
@@ -219,40 +222,40 @@ inline void JointFit::linearize()
     problem_.linearize(state_, scratch_.placed, scratch_.system);
 }
 
-inline JointCertainty JointFit::find_certainty()
+inline void JointFit::find_certainty()
 {
     problem_.linearize(state_, scratch_.placed, scratch_.system);
-    const JointCertainty certainty = certainty_of(problem_, state_, scratch_.system, scratch_.factor);
-    if (problem_.kernels == nullptr || certainty.is_finite()) {
-        return certainty;
+    certainty_.find(problem_, state_, scratch_.system, scratch_.factor);
+    if (problem_.kernels == nullptr || certainty_.is_finite()) {
+        return;
     }
     // The matrix is not positive definite to single precision.
     const kernels::Kernels* const kernels = std::exchange(problem_.kernels, nullptr);
     linearize();
     problem_.kernels = kernels;
-    return certainty_of(problem_, state_, scratch_.system, scratch_.factor);
+    certainty_.find(problem_, state_, scratch_.system, scratch_.factor);
 }
 
 inline void JointFit::set_certainty(JointFramesResult& result)
 {
-    const JointCertainty certainty = find_certainty();
+    find_certainty();
     const Eigen::Index num_shape = problem_.num_shape();
-    const Eigen::Index num_all = base().num_shape_coefficients();                   // known or not
-    std::vector<int> face(static_cast<std::size_t>(num_shape + num_expressions())); // alpha and one image's psi
-    std::iota(face.begin(), face.begin() + num_shape, 0);
+    const Eigen::Index num_all = base().num_shape_coefficients(); // known or not
+    const Eigen::Index num_face = num_shape + num_expressions();
+    face_.resize(static_cast<std::size_t>(num_face)); // alpha and one image's psi
+    std::iota(face_.begin(), face_.begin() + num_shape, 0);
     for (std::size_t f = 0; f < used_.size(); ++f) {
         JointFitResult& frame = result.frames[used_[f]];
         const Eigen::Index begin = problem_.own_begin(f);
-        std::iota(face.begin() + num_shape, face.end(), static_cast<int>(begin));
-        if (num_shape == num_all) {
-            frame.covariance = certainty.covariance_of(face);
-        } else {
-            frame.covariance.setZero(num_all + num_expressions(), num_all + num_expressions());
-            frame.covariance.bottomRightCorner(face.size(), face.size()) = certainty.covariance_of(face);
+        std::iota(face_.begin() + num_shape, face_.end(), static_cast<int>(begin));
+        frame.covariance.resize(num_all + num_expressions(), num_all + num_expressions());
+        if (num_shape < num_all) {
+            frame.covariance.setZero();
         }
-        frame.expression_deviations = certainty.deviations.segment(begin, num_expressions());
-        frame.unobservable_expressions =
-            unobservable_names(frame.expression_deviations, frame.fit.expression_names, options().expression_sigma);
+        certainty_.set_covariance(face_, frame.covariance.bottomRightCorner(num_face, num_face));
+        frame.expression_deviations = certainty_.deviations().segment(begin, num_expressions());
+        set_unobservable_names(frame.expression_deviations, frame.fit.expression_names, options().expression_sigma,
+                               frame.unobservable_expressions);
     }
 }
 

@@ -22,7 +22,7 @@ struct StepRoom
 {
     RoomyMatrix<Eigen::VectorXd> free = {};   ///< The solution without bounds.
     RoomyMatrix<Eigen::VectorXd> solved = {}; ///< With those found to hold.
-    std::vector<Eigen::Index> held = {};      ///< K, positions among the unknowns.
+    std::vector<int> held = {};               ///< K, positions among the unknowns.
     std::vector<unsigned char> is_held = {};
     std::vector<double> bounds = {};
     RoomyMatrix<Eigen::MatrixXd> columns = {}; ///< C.

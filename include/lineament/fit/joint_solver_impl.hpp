@@ -42,17 +42,21 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::Ref<const Eigen::Matr
         const double value = room.solved[static_cast<Eigen::Index>(i)];
         if (!room.is_held[i] && !(value >= down && value <= up)) {
             room.is_held[i] = 1;
-            room.held.push_back(static_cast<Eigen::Index>(i));
+            room.held.push_back(static_cast<int>(i));
             room.bounds.push_back(value < down ? down : up);
         }
     }
     return room.held.size() > num_before;
 }
 
-/// The columns C of those held last, then the rest's solution; false where C_KK is not positive definite.
-[[nodiscard]] inline bool solve_rest(PositiveFactor& factor, Eigen::Index num_before, StepRoom& room)
+/// C_KK, by the columns C of those held last; of an arrow by halves of the inverse, since these are sparse.
+inline void set_block_of_held(PositiveFactor& factor, Eigen::Index num_before, StepRoom& room)
 {
-    const Eigen::Index size = room.solved.size(), num_held = static_cast<Eigen::Index>(room.held.size());
+    if (factor.is_arrow()) {
+        room.of_held = factor.inverse_block(room.held);
+        return;
+    }
+    const Eigen::Index num_held = static_cast<Eigen::Index>(room.held.size());
     auto added = room.columns.middleCols(num_before, num_held - num_before);
     added.setZero();
     for (Eigen::Index k = num_before; k < num_held; ++k) {
@@ -60,20 +64,36 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::Ref<const Eigen::Matr
     }
     factor.solve(added);
     room.of_held.resize(num_held, num_held);
-    room.pulls.resize(num_held);
     for (Eigen::Index k = 0; k < num_held; ++k) {
-        const Eigen::Index at = room.held[static_cast<std::size_t>(k)];
-        room.of_held.row(k) = room.columns.row(at).head(num_held);
-        room.pulls[k] = room.free[at] - room.bounds[static_cast<std::size_t>(k)];
+        room.of_held.row(k) = room.columns.row(room.held[static_cast<std::size_t>(k)]).head(num_held);
+    }
+}
+
+/// What is left once some are held; false where C_KK is not positive definite.
+[[nodiscard]] inline bool solve_rest(PositiveFactor& factor, Eigen::Index num_before, StepRoom& room)
+{
+    set_block_of_held(factor, num_before, room);
+    room.pulls.resize(room.of_held.rows());
+    for (std::size_t k = 0; k < room.held.size(); ++k) {
+        room.pulls[static_cast<Eigen::Index>(k)] = room.free[room.held[k]] - room.bounds[k];
     }
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> cholesky(room.of_held);
     if (cholesky.info() != Eigen::Success) {
         return false;
     }
     cholesky.solveInPlace(room.pulls);
-    room.solved = room.free;
-    for (Eigen::Index k = 0; k < num_held; ++k) {
-        room.solved -= room.pulls[k] * room.columns.col(k).head(size);
+    if (factor.is_arrow()) {
+        room.solved.setZero();
+        for (std::size_t k = 0; k < room.held.size(); ++k) {
+            room.solved[room.held[k]] = room.pulls[static_cast<Eigen::Index>(k)];
+        }
+        factor.solve(room.solved);
+        room.solved = room.free - room.solved;
+    } else {
+        room.solved = room.free;
+        for (Eigen::Index k = 0; k < room.pulls.size(); ++k) {
+            room.solved -= room.pulls[k] * room.columns.col(k);
+        }
     }
     for (std::size_t k = 0; k < room.held.size(); ++k) {
         room.solved[room.held[k]] = room.bounds[k];
@@ -100,7 +120,7 @@ LINEAMENT_FIT_INLINE void bounded_step(const JointSystem& system, const Eigen::V
     for (Eigen::Index num_before = 0; hold_what_leaves(system, room);) {
         if (num_before == 0) {
             room.free = room.solved;
-            room.columns.resize(size, size);
+            room.columns.resize(size, factor.is_arrow() ? 0 : size);
         }
         if (!solve_rest(factor, num_before, room)) {
             room.solved.setConstant(std::numeric_limits<double>::quiet_NaN()); // no step; more damping makes one
@@ -137,70 +157,69 @@ inline void set_scale_strength(JointProblem& problem, std::size_t image, double 
     scale_strength = strength;
 }
 
+/// Image by image where that takes less, unless the matrix is not positive definite to single precision.
+inline void factor_system(const JointProblem& problem, JointSystem& system, double damping, PositiveFactor& factor)
+{
+    if (!(problem.is_arrow() && system.arrow.is_sparse() && factor.factor(system.arrow, damping))) {
+        problem.complete_hessian(system);
+        factor.factor(system.hessian, damping);
+    }
+}
+
+/// Of one image without biases: Lambda less its prior is all that the image says.
+/// @param lambda  The factor of alpha and expressions, or of more behind them.
+[[nodiscard]] inline double only_scale_strength(const JointProblem& problem, const JointSystem& system,
+                                                Eigen::Index num_linear, PositiveFactor& lambda)
+{
+    const auto alpha_end =
+        std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(problem.num_shape()));
+    const Eigen::Index num_alpha = alpha_end - system.unknowns.begin();
+    const Eigen::MatrixXd prior = problem.has_standard_prior()
+                                      ? Eigen::MatrixXd()
+                                      : problem.prior_of(std::vector<int>(system.unknowns.begin(), alpha_end));
+    return static_cast<double>(num_alpha) - lambda.inverse_trace(num_linear, num_alpha, prior);
+}
+
 LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system,
                                                   PositiveFactor& factor)
 {
-    std::vector<int> linear; // positions among the unknowns
-    for (int i = 0; i < static_cast<int>(system.unknowns.size()); ++i) {
-        if (!problem.is_camera(system.unknowns[i])) {
-            linear.push_back(i);
-        }
-    }
-    const Eigen::Index size = system.hessian.rows();
-    const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
-    PositiveFactor of_linear(problem.kernels);
-    const bool is_leading = num_linear == 0 || linear.back() + 1 == num_linear;
-    if (!is_leading) {
-        of_linear.factor(block_of(system.hessian, linear));
-    }
-    PositiveFactor& lambda = is_leading ? factor : of_linear;
-    const Eigen::Index num_biases = state.bias.cols();
-    if (problem.images.size() == 1 && num_biases == 0) { // Lambda less its prior is all that the image says
-        const auto begin = system.unknowns.begin();
-        const std::vector<int> alpha(
-            begin, std::lower_bound(begin, system.unknowns.end(), static_cast<int>(problem.num_shape())));
-        const Eigen::Index count = static_cast<Eigen::Index>(alpha.size());
-        const double strength =
-            static_cast<double>(count) - lambda.inverse_trace(num_linear, count, problem.prior_of(alpha));
-        set_scale_strength(problem, 0, strength, system);
+    const bool is_alone = problem.images.size() == 1 && state.bias.size() == 0;
+    const auto camera =
+        std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(problem.camera_begin(0)));
+    if (is_alone && std::none_of(system.unknowns.begin(), camera, [&](int i) { return problem.is_camera(i); })) {
+        set_scale_strength(problem, 0, only_scale_strength(problem, system, camera - system.unknowns.begin(), factor),
+                           system);
         return;
     }
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-    inverse(linear, linear) = lambda.inverse(num_linear);
-    const Eigen::Index num_shared =
-        std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.num_shared()) -
-        system.unknowns.begin();
-    Eigen::MatrixXd spread; // - covariance of the shared unknowns with the biases
-    if (num_biases > 0) {
-        Eigen::MatrixXd scaled(size, 3 * num_biases); // the coupling times the biases' inverse blocks
-        for (Eigen::Index b = 0; b < num_biases; ++b) {
-            const Eigen::MatrixX3d coupling = system.bias_coupling.middleCols<3>(3 * b)(system.unknowns, Eigen::all);
-            scaled.middleCols<3>(3 * b).noalias() = coupling * system.bias_inverse.middleCols<3>(3 * b);
+    std::vector<int> linear, linear_unknowns; // the former positions among the unknowns
+    for (std::size_t i = 0; i < system.unknowns.size(); ++i) {
+        if (!problem.is_camera(system.unknowns[i])) {
+            linear.push_back(static_cast<int>(i));
+            linear_unknowns.push_back(system.unknowns[i]);
         }
-        spread.noalias() = inverse.topRows(num_shared) * scaled;
     }
-    for (std::size_t f = 0; f < problem.images.size(); ++f) {
-        const std::vector<int> positions = problem.unknowns_of_image(f, system.unknowns);
-        const Eigen::Index shared =
-            std::lower_bound(positions.begin(), positions.end(), problem.num_shared()) - positions.begin();
-        const Eigen::Index own = static_cast<Eigen::Index>(positions.size()) - shared;
-        const Eigen::Index begin =
-            std::lower_bound(system.unknowns.begin(), system.unknowns.end(), problem.own_begin(f)) -
-            system.unknowns.begin();
-        const Eigen::MatrixXd& gram = system.image_grams[f];
-        double strength = 0;
-        for (Eigen::Index j = 0; j < shared; ++j) { // of symmetric matrices: below the diagonal all counts twice
-            const Eigen::Index below = shared - 1 - j;
-            strength += gram(j, j) * inverse(j, j) +
-                        2 * gram.col(j).segment(j + 1, below).dot(inverse.col(j).segment(j + 1, below));
-        }
-        strength += gram.bottomLeftCorner(own, shared).cwiseProduct(inverse.block(begin, 0, own, shared)).sum();
-        if (num_biases > 0) {
-            const Eigen::MatrixXd coupling =
-                system.image_couplings[f](std::vector<int>(positions.begin(), positions.begin() + shared), Eigen::all);
-            strength -= coupling.cwiseProduct(spread).sum();
-        }
-        set_scale_strength(problem, f, strength, system);
+    const Eigen::Index num_linear = static_cast<Eigen::Index>(linear.size());
+    PositiveFactor lambda(problem.kernels);
+    ArrowMatrix arrow;
+    const bool is_sparse = problem.is_arrow() && system.arrow.is_sparse();
+    if (is_sparse) {
+        arrow = system.arrow.block(linear);
+    }
+    if (!(is_sparse && lambda.factor(arrow, 0.0))) {
+        problem.complete_hessian(system);
+        lambda.factor(block_of(system.hessian, linear));
+    }
+    if (is_alone) {
+        set_scale_strength(problem, 0, only_scale_strength(problem, system, num_linear, lambda), system);
+        return;
+    }
+    const auto num_alpha =
+        std::lower_bound(linear_unknowns.begin(), linear_unknowns.end(), static_cast<int>(problem.num_shape())) -
+        linear_unknowns.begin();
+    const std::vector<double> strengths =
+        problem.scale_strengths(state, linear_unknowns, lambda.inverse_columns(num_linear, num_alpha), system);
+    for (std::size_t f = 0; f < strengths.size(); ++f) {
+        set_scale_strength(problem, f, strengths[f], system);
     }
 }
 
@@ -221,7 +240,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
         if (!keeps_matrix || !problem.renew_gradient(state, placed, system)) {
             keeps_matrix = false;
             problem.linearize_free(state, placed, system);
-            factor.factor(system.hessian, damping);
+            factor_system(problem, system, damping, factor);
             if (iteration == 0 && limits.sets_scale_strengths) {
                 refresh_scale_strengths(problem, state, system, factor);
             }
@@ -269,7 +288,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             } else {
                 damping = std::max(1e-3, 10 * damping);
             }
-            factor.factor(system.hessian, damping);
+            factor_system(problem, system, damping, factor);
         }
     }
 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "lineament/fit/arrow_factor_impl.hpp"
 #include "lineament/fit/packed_points_impl.hpp"
 
 #include <Eigen/Cholesky>
@@ -29,6 +30,7 @@ public:
     void factor(const Eigen::Ref<const Eigen::MatrixXd>& matrix, double damping = 0.0)
     {
         size_ = matrix.rows();
+        is_arrow_ = false;
         if (kernels_ == nullptr) {
             Eigen::MatrixXd damped = matrix;
             damped.diagonal() *= 1 + damping;
@@ -50,10 +52,22 @@ public:
         }
     }
 
+    /// By kernels in single precision, of the matrix of [shared | own of each image] that eliminating the hidden
+    /// unknowns leaves; it must outlive what is solved with it.
+    /// @return False where it is not positive definite to that.
+    [[nodiscard]] bool factor(const ArrowMatrix& matrix, double damping)
+    {
+        is_arrow_ = arrow_.factor(*kernels_, matrix, damping) > least_pivot;
+        return is_arrow_;
+    }
+    [[nodiscard]] bool is_arrow() const { return is_arrow_; }
+
     /// B (n x c) becomes A^-1 B.
     void solve(Eigen::Ref<Eigen::MatrixXd> columns)
     {
-        if (kernels_ == nullptr) {
+        if (is_arrow_) {
+            columns = arrow_.solve(columns);
+        } else if (kernels_ == nullptr) {
             cholesky_.solveInPlace(columns);
         } else if (is_single_) {
             solve_by(kernels_->solve_factored_float, single_, single_inverses_, columns, single_solved_);
@@ -62,13 +76,31 @@ public:
         }
     }
 
+    /// The block of A^-1 of some unknowns, of an arrow.
+    [[nodiscard]] Eigen::MatrixXd inverse_block(const std::vector<int>& unknowns)
+    {
+        const Eigen::Index count = static_cast<Eigen::Index>(unknowns.size());
+        const int width = kernels::round_up(static_cast<int>(count), kernels::width_step), num_rows = arrow_.num_rows();
+        Eigen::Map<RowMajor<float>> halves(room_for(single_root_, num_rows * width), num_rows, width); // U^-T e_k
+        halves.setZero();
+        arrow_.set_halves(unknowns, width, halves.data());
+        Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, width * width), width, width);
+        gram.setZero();
+        kernels_->add_gram(halves.data(), num_rows, width, gram.data());
+        return gram.topLeftCorner(count, count)
+            .template selfadjointView<Eigen::Upper>()
+            .toDenseMatrix()
+            .template cast<double>();
+    }
+
     /// Of the block of a matrix's lower triangle with those rows and columns, ascending, in double precision.
     /// @param others  Further columns, ascending.
-    /// @return |U^-T H_Fk|^2 of each of them, k, with F the block's.
-    [[nodiscard]] Eigen::VectorXd factor_block(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
-                                               const std::vector<int>& block, const std::vector<int>& others)
+    /// @param explained  |U^-T H_Fk|^2 of each of them, k, with F the block's.
+    void factor_block(const Eigen::Ref<const Eigen::MatrixXd>& matrix, const std::vector<int>& block,
+                      const std::vector<int>& others, RoomyMatrix<Eigen::VectorXd>& explained)
     {
         size_ = static_cast<Eigen::Index>(block.size());
+        is_arrow_ = false;
         const Eigen::Index num_others = static_cast<Eigen::Index>(others.size());
         const int width = kernels::round_up(static_cast<int>(size_), kernels::double_step);
         width_ = width + kernels::round_up(static_cast<int>(num_others), kernels::double_step);
@@ -93,11 +125,17 @@ public:
         if (kernels_ == nullptr) {
             factor(beside_block.leftCols(size_).transpose());
             const Eigen::MatrixXd beside = beside_block.middleCols(width, num_others);
-            return others.empty() ? Eigen::VectorXd()
-                                  : Eigen::VectorXd(cholesky_.matrixL().solve(beside).colwise().squaredNorm());
+            explained.resize(num_others);
+            if (!others.empty()) {
+                explained = cholesky_.matrixL().solve(beside).colwise().squaredNorm().transpose();
+            }
+            return;
         }
         factor_double();
-        return beside_block.middleCols(width, num_others).colwise().squaredNorm().transpose();
+        explained.setZero(num_others);
+        for (Eigen::Index i = 0; i < size_; ++i) { // row by row, as they lie
+            explained += beside_block.row(i).segment(width, num_others).cwiseAbs2().transpose();
+        }
     }
 
     /// tr(P C) of the leading `count` unknowns, C the inverse of the leading n's block of A.
@@ -119,6 +157,26 @@ public:
             return trace(set_root(n, single_.data(), single_root_, kernels_->invert_factor_float));
         }
         return trace(inverse_root(n));
+    }
+
+    /// The leading `count` columns of the inverse of the leading n unknowns' block.
+    [[nodiscard]] Eigen::MatrixXd inverse_columns(Eigen::Index n, Eigen::Index count)
+    {
+        if (is_arrow_) { // n is all
+            return arrow_.inverse_columns(static_cast<int>(count));
+        }
+        if (kernels_ == nullptr || !is_single_) {
+            return inverse(n).leftCols(count);
+        }
+        const auto root = set_root(n, single_.data(), single_root_, kernels_->invert_factor_float);
+        const int width = static_cast<int>(root.outerStride());
+        const int num_rows = kernels::round_up(static_cast<int>(count), 4);
+        Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, num_rows * width), num_rows, width);
+        gram.setZero();
+        kernels_->add_leading_gram(root.data(), static_cast<int>(n), static_cast<int>(count), width, gram.data());
+        Eigen::MatrixXd columns = gram.topLeftCorner(count, n).transpose().template cast<double>();
+        columns.topRows(count).triangularView<Eigen::StrictlyUpper>() = columns.topRows(count).transpose();
+        return columns;
     }
 
     /// The inverse of the leading n unknowns' block, in memory of the factor, which the next one takes.
@@ -225,13 +283,15 @@ private:
     const kernels::Kernels* kernels_;
     Eigen::Index size_ = 0;
     int width_ = 0;
+    bool is_arrow_ = false; ///< What is solved is by `arrow_`.
+    ArrowFactor arrow_ = {};
     bool is_single_ = false;            ///< U is in `single_`.
     AlignedBuffer<double> double_ = {}; ///< U in its upper triangle.
     AlignedBuffer<float> single_ = {};
     AlignedBuffer<double> inverses_ = {}; ///< 1 / U_ii.
     AlignedBuffer<float> single_inverses_ = {};
     AlignedBuffer<double> solved_ = {}, root_ = {}, gram_ = {};
-    AlignedBuffer<float> single_solved_ = {}, single_root_ = {};
+    AlignedBuffer<float> single_solved_ = {}, single_root_ = {}, single_gram_ = {};
     Eigen::LLT<Eigen::MatrixXd> cholesky_ = {};
 };
 

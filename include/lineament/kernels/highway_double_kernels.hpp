@@ -143,6 +143,33 @@ inline void project_points(const float* point_rows, int width, int num_points, c
     }
 }
 
+inline void add_turned_points(const float* point_rows, int width, int num_points, const double* matrices,
+                              const int* targets, float* out, int out_width)
+{
+    const hn::CappedTag<float, double_step> d;
+    for (int i = 0; i < num_points; ++i, point_rows += 3 * width, matrices += 9) {
+        if (targets[i] < 0) {
+            continue;
+        }
+        const auto coefficient = [&](int k) HWY_ATTR { return hn::Set(d, static_cast<float>(matrices[k])); };
+        const auto xx = coefficient(0), xy = coefficient(1), xz = coefficient(2);
+        const auto yx = coefficient(3), yy = coefficient(4), yz = coefficient(5);
+        const auto zx = coefficient(6), zy = coefficient(7), zz = coefficient(8);
+        float* to = out + 3 * targets[i] * out_width;
+        for (int c = 0; c < width; c += static_cast<int>(hn::Lanes(d))) {
+            const auto x = hn::Load(d, point_rows + c);
+            const auto y = hn::Load(d, point_rows + width + c);
+            const auto z = hn::Load(d, point_rows + 2 * width + c);
+            const auto add = [&](auto by_x, auto by_y, auto by_z, float* sum) HWY_ATTR {
+                hn::Store(hn::MulAdd(by_z, z, hn::MulAdd(by_y, y, hn::MulAdd(by_x, x, hn::Load(d, sum)))), d, sum);
+            };
+            add(xx, xy, xz, to + c);
+            add(yx, yy, yz, to + out_width + c);
+            add(zx, zy, zz, to + 2 * out_width + c);
+        }
+    }
+}
+
 inline void add_pose_moments(const float* points, const double* seen_u, const double* seen_v, const double* weights,
                              int count, double* moments)
 {

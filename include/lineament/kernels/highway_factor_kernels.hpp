@@ -218,75 +218,114 @@ struct FourRows
     }
 };
 
-/// The right sides of one vector, of x in rows of num_right_sides.
+/// What solves for the right sides of one vector, of x in rows of num_right_sides.
 template <class Tag, class T>
-HWY_INLINE void solve_vector(Tag d, const T* system, int n, int width, const T* inverse_diagonal, T* x)
+struct VectorSolver
 {
     using Numbers = hn::Vec<Tag>;
-    constexpr int step = num_right_sides;
-    const int whole = n / 4 * 4;
-    const auto times = [&](Numbers sum, int i) HWY_ATTR {
-        const Numbers value = hn::Mul(sum, hn::Set(d, inverse_diagonal[i]));
-        hn::Store(value, d, x + i * step);
+    static constexpr int step = num_right_sides;
+    const T* system;
+    int n;
+    int width;
+    const T* inverse_diagonal;
+    T* x;
+
+    HWY_INLINE Numbers times(Numbers sum, int i) const
+    {
+        const Numbers value = hn::Mul(sum, hn::Set(Tag(), inverse_diagonal[i]));
+        hn::Store(value, Tag(), x + i * step);
         return value;
-    };
-    const auto less = [&](Numbers sum, const T* factor, Numbers value)
-                          HWY_ATTR { return hn::NegMulAdd(hn::Set(d, *factor), value, sum); };
-    for (int i = 0; i < whole; i += 4) { // U^T y = b
-        FourRows<Tag> rows(x + i * step);
-        for (int k = 0; k < i; k += 2) {
-            rows.subtract(rows.even, system + k * width + i, 1, x + k * step);
-            rows.subtract(rows.odd, system + (k + 1) * width + i, 1, x + (k + 1) * step);
-        }
-        const T* u0 = system + i * width + i;
-        const T* u1 = u0 + width;
-        const T* u2 = u1 + width;
-        const Numbers y0 = times(hn::Add(rows.even[0], rows.odd[0]), i);
-        const Numbers y1 = times(less(hn::Add(rows.even[1], rows.odd[1]), u0 + 1, y0), i + 1);
-        const Numbers y2 = times(less(less(hn::Add(rows.even[2], rows.odd[2]), u0 + 2, y0), u1 + 2, y1), i + 2);
-        times(less(less(less(hn::Add(rows.even[3], rows.odd[3]), u0 + 3, y0), u1 + 3, y1), u2 + 3, y2), i + 3);
     }
-    for (int i = whole; i < n; ++i) {
-        Numbers sum = hn::Load(d, x + i * step);
-        for (int k = 0; k < i; ++k) {
-            sum = less(sum, system + k * width + i, hn::Load(d, x + k * step));
-        }
-        times(sum, i);
+    HWY_INLINE static Numbers less(Numbers sum, const T* factor, Numbers value)
+    {
+        return hn::NegMulAdd(hn::Set(Tag(), *factor), value, sum);
     }
-    for (int i = n - 1; i >= whole; --i) { // U x = y
-        Numbers sum = hn::Load(d, x + i * step);
-        for (int c = i + 1; c < n; ++c) {
-            sum = less(sum, system + i * width + c, hn::Load(d, x + c * step));
+
+    /// U^T y = b
+    HWY_INLINE void solve_lower() const
+    {
+        const Tag d;
+        const int whole = n / 4 * 4;
+        int begin = 0; // of what is not zero
+        const auto is_zero = [&](int i)
+                                 HWY_ATTR { return hn::AllTrue(d, hn::Eq(hn::Load(d, x + i * step), hn::Zero(d))); };
+        while (begin < whole && is_zero(begin) && is_zero(begin + 1) && is_zero(begin + 2) && is_zero(begin + 3)) {
+            begin += 4;
         }
-        times(sum, i);
+        for (int i = begin; i < whole; i += 4) {
+            FourRows<Tag> rows(x + i * step);
+            for (int k = begin; k < i; k += 2) {
+                rows.subtract(rows.even, system + k * width + i, 1, x + k * step);
+                rows.subtract(rows.odd, system + (k + 1) * width + i, 1, x + (k + 1) * step);
+            }
+            const T* u0 = system + i * width + i;
+            const T* u1 = u0 + width;
+            const T* u2 = u1 + width;
+            const Numbers y0 = times(hn::Add(rows.even[0], rows.odd[0]), i);
+            const Numbers y1 = times(less(hn::Add(rows.even[1], rows.odd[1]), u0 + 1, y0), i + 1);
+            const Numbers y2 = times(less(less(hn::Add(rows.even[2], rows.odd[2]), u0 + 2, y0), u1 + 2, y1), i + 2);
+            times(less(less(less(hn::Add(rows.even[3], rows.odd[3]), u0 + 3, y0), u1 + 3, y1), u2 + 3, y2), i + 3);
+        }
+        for (int i = whole; i < n; ++i) {
+            Numbers sum = hn::Load(d, x + i * step);
+            for (int k = begin; k < i; ++k) {
+                sum = less(sum, system + k * width + i, hn::Load(d, x + k * step));
+            }
+            times(sum, i);
+        }
     }
-    for (int i = whole - 4; i >= 0; i -= 4) {
-        FourRows<Tag> rows(x + i * step);
-        const T* u0 = system + i * width;
-        int c = i + 4;
-        for (; c + 2 <= n; c += 2) {
-            rows.subtract(rows.even, u0 + c, width, x + c * step);
-            rows.subtract(rows.odd, u0 + c + 1, width, x + (c + 1) * step);
+
+    /// U x = y
+    HWY_INLINE void solve_upper() const
+    {
+        const Tag d;
+        const int whole = n / 4 * 4;
+        for (int i = n - 1; i >= whole; --i) {
+            Numbers sum = hn::Load(d, x + i * step);
+            for (int c = i + 1; c < n; ++c) {
+                sum = less(sum, system + i * width + c, hn::Load(d, x + c * step));
+            }
+            times(sum, i);
         }
-        if (c < n) {
-            rows.subtract(rows.even, u0 + c, width, x + c * step);
+        for (int i = whole - 4; i >= 0; i -= 4) {
+            FourRows<Tag> rows(x + i * step);
+            const T* u0 = system + i * width;
+            int c = i + 4;
+            for (; c + 2 <= n; c += 2) {
+                rows.subtract(rows.even, u0 + c, width, x + c * step);
+                rows.subtract(rows.odd, u0 + c + 1, width, x + (c + 1) * step);
+            }
+            if (c < n) {
+                rows.subtract(rows.even, u0 + c, width, x + c * step);
+            }
+            u0 += i;
+            const T* u1 = u0 + width;
+            const T* u2 = u1 + width;
+            const Numbers x3 = times(hn::Add(rows.even[3], rows.odd[3]), i + 3);
+            const Numbers x2 = times(less(hn::Add(rows.even[2], rows.odd[2]), u2 + 3, x3), i + 2);
+            const Numbers x1 = times(less(less(hn::Add(rows.even[1], rows.odd[1]), u1 + 3, x3), u1 + 2, x2), i + 1);
+            times(less(less(less(hn::Add(rows.even[0], rows.odd[0]), u0 + 3, x3), u0 + 2, x2), u0 + 1, x1), i);
         }
-        u0 += i;
-        const T* u1 = u0 + width;
-        const T* u2 = u1 + width;
-        const Numbers x3 = times(hn::Add(rows.even[3], rows.odd[3]), i + 3);
-        const Numbers x2 = times(less(hn::Add(rows.even[2], rows.odd[2]), u2 + 3, x3), i + 2);
-        const Numbers x1 = times(less(less(hn::Add(rows.even[1], rows.odd[1]), u1 + 3, x3), u1 + 2, x2), i + 1);
-        times(less(less(less(hn::Add(rows.even[0], rows.odd[0]), u0 + 3, x3), u0 + 2, x2), u0 + 1, x1), i);
     }
-}
+};
 
 template <class T>
 void solve_factored(const T* system, int n, int width, const T* inverse_diagonal, T* x)
 {
-    const hn::CappedTag<T, num_right_sides> d;
-    for (int begin = 0; begin < num_right_sides; begin += static_cast<int>(hn::Lanes(d))) {
-        solve_vector(d, system, n, width, inverse_diagonal, x + begin);
+    using Tag = hn::CappedTag<T, num_right_sides>;
+    for (int begin = 0; begin < num_right_sides; begin += static_cast<int>(hn::MaxLanes(Tag()))) {
+        const VectorSolver<Tag, T> solver{system, n, width, inverse_diagonal, x + begin};
+        solver.solve_lower();
+        solver.solve_upper();
+    }
+}
+
+template <class T>
+void solve_lower(const T* system, int n, int width, const T* inverse_diagonal, T* x)
+{
+    using Tag = hn::CappedTag<T, num_right_sides>;
+    for (int begin = 0; begin < num_right_sides; begin += static_cast<int>(hn::MaxLanes(Tag()))) {
+        VectorSolver<Tag, T>{system, n, width, inverse_diagonal, x + begin}.solve_lower();
     }
 }
 

@@ -298,6 +298,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     multiply_wide,
                                     add_wide,
                                     project_points,
+                                    add_turned_points,
                                     camera_residuals,
                                     camera_derivatives,
                                     add_lower_gram,
@@ -306,6 +307,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     invert_factor<double>,
                                     factor_positive<float>,
                                     solve_factored<float>,
+                                    solve_lower<float>,
                                     invert_factor<float>};
     return &kernels;
 #endif

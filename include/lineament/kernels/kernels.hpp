@@ -105,7 +105,7 @@ struct Kernels
     /// gram += rows^T rows, upper triangle (more may be written).
     void (*add_gram)(const float* rows, int num_rows, int width, float* gram);
 
-    /// The same, of the leading columns (more may be written).
+    /// The same, of the first num_columns rows of that triangle (more may be written).
     void (*add_leading_gram)(const float* rows, int num_rows, int num_columns, int width, float* gram);
 
     /// sums[c] += sum_r factors[r] rows[r width + c]
@@ -177,6 +177,11 @@ struct Kernels
     void (*project_points)(const float* point_rows, int width, int num_points, const double* jacobians, float* out,
                            int out_width);
 
+    /// The first `width` columns of rows 3t to 3t + 2 of out, t = targets[i] where that is not negative, += M_i times
+    /// the three rows of point i, M_i 3 x 3 at matrices + 9i; otherwise as project_points.
+    void (*add_turned_points)(const float* point_rows, int width, int num_points, const double* matrices,
+                              const int* targets, float* out, int out_width);
+
     // In double precision; rows have a multiple of double_step doubles.
 
     /// Weighted residuals: residuals[i] and residuals[count + i] are U_i (seen - landmark) of points x0 y0 z0 x1 ...
@@ -209,6 +214,8 @@ struct Kernels
     // The same in single precision; rows have a multiple of width_step floats.
     float (*factor_positive_float)(float* system, int n, int width, float* inverse_diagonal);
     void (*solve_factored_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
+    /// X = U^-T X alone; rows of zeros that X begins with cost next to nothing.
+    void (*solve_lower_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
     void (*invert_factor_float)(const float* system, int n, int width, float* inverse, int inverse_width);
 };
 

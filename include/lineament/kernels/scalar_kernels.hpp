@@ -119,7 +119,7 @@ inline void add_leading_gram(const float* rows, int num_rows, int num_columns, i
     for (int i = 0; i < num_columns; ++i) {
         for (int r = 0; r < num_rows; ++r) {
             const float* row = rows + r * width;
-            for (int c = i; c < num_columns; ++c) {
+            for (int c = i; c < width; ++c) {
                 gram[i * width + c] += row[i] * row[c];
             }
         }
@@ -353,6 +353,21 @@ inline void project_points(const float* point_rows, int width, int num_points, c
     }
 }
 
+inline void add_turned_points(const float* point_rows, int width, int num_points, const double* matrices,
+                              const int* targets, float* out, int out_width)
+{
+    for (int i = 0; i < num_points; ++i, point_rows += 3 * width, matrices += 9) {
+        for (int axis = 0; axis < 3 && targets[i] >= 0; ++axis) {
+            const double* row = matrices + 3 * axis;
+            float* to = out + (3 * targets[i] + axis) * out_width;
+            for (int c = 0; c < width; ++c) {
+                to[c] += static_cast<float>(row[0] * point_rows[c] + row[1] * point_rows[width + c] +
+                                            row[2] * point_rows[2 * width + c]);
+            }
+        }
+    }
+}
+
 inline void add_lower_gram(const double* lower, int n, int width, double* gram)
 {
     for (int r = 0; r < n; ++r, lower += width) {
@@ -468,7 +483,7 @@ void invert_factor(const T* system, int n, int width, T* inverse, int inverse_wi
 }
 
 template <typename T>
-void solve_factored(const T* system, int n, int width, const T* inverse_diagonal, T* x)
+void solve_lower(const T* system, int n, int width, const T* inverse_diagonal, T* x)
 {
     for (T* const end = x + num_right_sides; x != end; ++x) {
         for (int i = 0; i < n; ++i) {
@@ -477,6 +492,14 @@ void solve_factored(const T* system, int n, int width, const T* inverse_diagonal
             }
             x[i * num_right_sides] *= inverse_diagonal[i];
         }
+    }
+}
+
+template <typename T>
+void solve_factored(const T* system, int n, int width, const T* inverse_diagonal, T* x)
+{
+    solve_lower(system, n, width, inverse_diagonal, x);
+    for (T* const end = x + num_right_sides; x != end; ++x) {
         for (int i = n - 1; i >= 0; --i) {
             for (int c = i + 1; c < n; ++c) {
                 x[i * num_right_sides] -= system[i * width + c] * x[c * num_right_sides];
@@ -520,6 +543,7 @@ namespace lineament::kernels {
                                       scalar::multiply_wide,
                                       scalar::add_wide,
                                       scalar::project_points,
+                                      scalar::add_turned_points,
                                       scalar::camera_residuals,
                                       scalar::camera_derivatives,
                                       scalar::add_lower_gram,
@@ -528,6 +552,7 @@ namespace lineament::kernels {
                                       scalar::invert_factor<double>,
                                       scalar::factor_positive<float>,
                                       scalar::solve_factored<float>,
+                                      scalar::solve_lower<float>,
                                       scalar::invert_factor<float>};
     return table;
 }
