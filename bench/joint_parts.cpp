@@ -94,8 +94,10 @@ void joint_frames(benchmark::State& state, const Kernels& kernels, std::string e
     const JointFitter fitter(face_model(), "ibug68", joint_options(ContourMode::front_facing, expression_set),
                              &kernels);
     const std::vector<LandmarkSet> frames = video();
+    JointWorkspace workspace = fitter.make_workspace();
+    JointFramesResult result;
     for (auto _ : state) {
-        const JointFramesResult result = fitter.fit_frames(std::span(frames).first(num_images), centre);
+        fitter.fit_frames(std::span(frames).first(num_images), centre, workspace, result);
         benchmark::DoNotOptimize(result.chi_square);
         state.counters["steps"] = result.frames[0].fit.iterations;
     }

@@ -13,7 +13,7 @@
 
 #include <algorithm>
 #include <limits>
-#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -101,6 +101,32 @@ TEST(JointWorkspace, HoldsNothingThatTheNextFitWouldSee)
                             fitter.fit_pose_and_expression(face, centre, identity.shape_coefficients(), &start.fit));
                 ASSERT_FALSE(HasFailure()) << (set != nullptr ? set->name : "Eigen");
             }
+        }
+    }
+}
+
+TEST(JointWorkspace, TakesImagesInAnyNumber)
+{
+    const JointFitter fitter(test::face_model(), "ibug68", {}, &kernels::dispatched_kernels());
+    std::vector<LandmarkSet> faces = draw_faces(5, 40, 924);
+    faces[1].landmarks.resize(3); // of no use
+    JointWorkspace workspace = fitter.make_workspace();
+    JointFramesResult result;
+    for (const std::size_t count : {3, 5, 1, 2, 4}) {
+        const std::span<const LandmarkSet> images(faces.data(), count);
+        fitter.fit_frames(images, centre, workspace, result);
+        const JointFramesResult expected = fitter.fit_frames(images, centre);
+        EXPECT_EQ(result.status, expected.status);
+        EXPECT_EQ(result.reason, expected.reason);
+        EXPECT_EQ(result.num_used_frames, expected.num_used_frames);
+        EXPECT_EQ(result.shape_coefficients, expected.shape_coefficients);
+        EXPECT_EQ(result.shape_covariance, expected.shape_covariance);
+        EXPECT_EQ(result.landmark_bias_mm, expected.landmark_bias_mm);
+        EXPECT_EQ(result.chi_square, expected.chi_square);
+        EXPECT_EQ(result.degrees_of_freedom, expected.degrees_of_freedom);
+        ASSERT_EQ(result.frames.size(), count);
+        for (std::size_t f = 0; f < count; ++f) {
+            expect_same(result.frames[f], expected.frames[f]);
         }
     }
 }

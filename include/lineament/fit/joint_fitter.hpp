@@ -138,8 +138,10 @@ public:
 private:
     friend class JointFitter;
     explicit JointWorkspace(const kernels::Kernels* kernels);
+    // Each keeps the sizes of its unknowns.
     std::unique_ptr<detail::JointFit> fit_;
-    std::unique_ptr<detail::JointFit> fit_of_known_; ///< Of fewer unknowns: each keeps its sizes.
+    std::unique_ptr<detail::JointFit> fit_of_known_;  ///< Identity.
+    std::unique_ptr<detail::JointFit> fit_of_frames_; ///< Several.
 };
 
 /// Fits identity, expressions and cameras of one or several images of one person as the minimum of one energy:
@@ -214,6 +216,11 @@ public:
                                                const Eigen::Vector2d& principal_point_px,
                                                std::span<const FitResult> starts = {},
                                                std::span<const std::vector<Eigen::Matrix2d>> covariances_px = {}) const;
+
+    /// The same bits, written to `result`, whose memory is used again.
+    void fit_frames(std::span<const LandmarkSet> frames, const Eigen::Vector2d& principal_point_px,
+                    JointWorkspace& workspace, JointFramesResult& result, std::span<const FitResult> starts = {},
+                    std::span<const std::vector<Eigen::Matrix2d>> covariances_px = {}) const;
 
     /// What one image says of the identity, its camera and expression integrated out, linearised at a fit of it.
     /// @param at           A result of `fit` or `fit_frames` for these landmarks, with a usable pose.

@@ -91,7 +91,8 @@ LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string 
 {}
 
 LINEAMENT_FIT_INLINE JointWorkspace::JointWorkspace(const kernels::Kernels* kernels)
-    : fit_(std::make_unique<detail::JointFit>(kernels)), fit_of_known_(std::make_unique<detail::JointFit>(kernels))
+    : fit_(std::make_unique<detail::JointFit>(kernels)), fit_of_known_(std::make_unique<detail::JointFit>(kernels)),
+      fit_of_frames_(std::make_unique<detail::JointFit>(kernels))
 {}
 LINEAMENT_FIT_INLINE JointWorkspace::JointWorkspace(JointWorkspace&&) noexcept = default;
 LINEAMENT_FIT_INLINE JointWorkspace& JointWorkspace::operator=(JointWorkspace&&) noexcept = default;
@@ -167,29 +168,39 @@ LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit_pose_and_expression(
     return result;
 }
 
-LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
-    std::span<const LandmarkSet> frames, const Eigen::Vector2d& principal_point_px, std::span<const FitResult> starts,
-    std::span<const std::vector<Eigen::Matrix2d>> covariances_px) const
+LINEAMENT_FIT_INLINE void JointFitter::fit_frames(std::span<const LandmarkSet> frames,
+                                                  const Eigen::Vector2d& principal_point_px, JointWorkspace& workspace,
+                                                  JointFramesResult& result, std::span<const FitResult> starts,
+                                                  std::span<const std::vector<Eigen::Matrix2d>> covariances_px) const
 {
     require(starts.empty() || starts.size() == frames.size(), "JointFitter::fit_frames", "starts",
             "none, or one for each image", std::to_string(starts.size()));
     require(covariances_px.empty() || covariances_px.size() == frames.size(), "JointFitter::fit_frames",
             "covariances_px", "none, or those of each image", std::to_string(covariances_px.size()));
-    detail::JointFit fit(kernels_);
+    detail::JointFit& fit = *workspace.fit_of_frames_;
     fit.begin({base_, points_, options_, kernels_}, prior_);
     for (std::size_t f = 0; f < frames.size(); ++f) {
         fit.add_image(frames[f], principal_point_px, starts.empty() ? nullptr : &starts[f],
                       covariances_px.empty() ? std::span<const Eigen::Matrix2d>() : covariances_px[f]);
     }
     fit.run();
-    JointFramesResult result;
     fit.write(result);
-    for (const JointFitResult& frame : result.frames) { // the same in all that have one
-        if (frame.covariance.size() > 0 && result.shape_covariance.size() == 0) {
-            result.shape_covariance =
-                frame.covariance.topLeftCorner(num_shape_coefficients(), num_shape_coefficients());
-        }
+    const auto sure = std::find_if(result.frames.begin(), result.frames.end(),
+                                   [](const JointFitResult& frame) { return frame.covariance.size() > 0; });
+    if (sure != result.frames.end()) { // the same in all that have one
+        result.shape_covariance = sure->covariance.topLeftCorner(num_shape_coefficients(), num_shape_coefficients());
+    } else {
+        result.shape_covariance.resize(0, 0);
     }
+}
+
+LINEAMENT_FIT_INLINE JointFramesResult JointFitter::fit_frames(
+    std::span<const LandmarkSet> frames, const Eigen::Vector2d& principal_point_px, std::span<const FitResult> starts,
+    std::span<const std::vector<Eigen::Matrix2d>> covariances_px) const
+{
+    JointWorkspace workspace = make_workspace();
+    JointFramesResult result;
+    fit_frames(frames, principal_point_px, workspace, result, starts, covariances_px);
     return result;
 }
 

@@ -139,6 +139,7 @@ public:
         options_ = &options;
         prior_ = &prior;
         num_expressions_ = num_expressions;
+        bias_variances_mm.resize(3, 0);
         reference_scale = 1.0;
     }
 

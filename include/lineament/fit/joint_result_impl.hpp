@@ -264,7 +264,6 @@ inline void JointFit::write(JointFramesResult& result)
     result.status = FitStatus::too_few_correspondences;
     result.reason.clear();
     result.shape_coefficients.setZero(base().num_shape_coefficients());
-    result.shape_covariance.resize(0, 0);
     result.frames.resize(num_images_);
     result.num_used_frames = static_cast<int>(used_.size());
     result.landmark_bias_mm.setZero(3, base().landmark_map().num_landmarks());
