@@ -148,6 +148,31 @@ TEST(JointWorkspace, LeavesTheResultWhereInputIsRefused)
     expect_same(result, before);
 }
 
+TEST(JointWorkspace, AllocatesNothingForSingleSteps)
+{
+    JointOptions options;
+    options.contour = ContourMode::front_facing;
+    options.with_covariance = false;
+    options.rounds = 1;
+    options.max_iterations = 1;
+    const JointFitter fitter(test::face_model(), "ibug68", options, &kernels::dispatched_kernels());
+    const std::vector<LandmarkSet> faces = draw_faces(10, 40, 925);
+    JointWorkspace workspace = fitter.make_workspace();
+    JointFitResult result;
+    long before = 0;
+    int num_unsettled = 0;
+    for (int pass = 0; pass < 3; ++pass) {
+        before = test::num_allocations();
+        for (const LandmarkSet& face : faces) {
+            fitter.fit(face, centre, workspace, result, pass > 0 ? &result.fit : nullptr);
+            num_unsettled += result.fit.status == FitStatus::not_converged;
+        }
+    }
+    EXPECT_EQ(test::num_allocations() - before, 0);
+    EXPECT_EQ(num_unsettled, 30);
+    EXPECT_EQ(result.fit.reason, "the joint fit did not settle in 1 steps"); // in words
+}
+
 TEST(JointWorkspace, AllocatesNothingOnceItIsWarm)
 {
     const std::vector<LandmarkSet> faces = draw_faces(30, 60, 923);

@@ -71,7 +71,7 @@ private:
     void fit_expression_of(std::size_t used_index, const Camera& camera, double own_scale, Eigen::VectorXd& psi);
     void set_unfitted(const Image& image, FitResult& result) const;
     void set_fit(std::size_t used_index, FitResult& result);
-    void judge(JointFramesResult& result) const;
+    void judge(JointFramesResult& result);
     void judge_image(std::size_t used_index, FitResult& fit) const;
     void withhold_unless_finite(JointFramesResult& result) const;
 
@@ -98,6 +98,7 @@ private:
     std::vector<unsigned char> is_used_ = {};
     JointCertainty certainty_ = {};
     std::vector<int> face_ = {};
+    std::string shared_reason_ = {};
     JointFramesResult result_ = {};
 
     /// For the expression of one image.

@@ -232,6 +232,7 @@ inline void JointFit::fit_expression_of(std::size_t f, const Camera& camera, dou
     }
     same.image_points = seen.image_points;
     same.roots = seen.roots;
+    same.dimensions = seen.dimensions;
     same.matched_scale = seen.matched_scale;
     same.points.num_points = seen.points.num_points;
     std::swap(same.points.expression, seen.points.expression); // for as long as this takes

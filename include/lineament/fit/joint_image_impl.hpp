@@ -226,7 +226,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match_outline(const Camera& camera,
     matches_.clear();
     const ContourOptions& contour = options().contour_matching;
     const bool is_both = options().contour == ContourMode::both && contour.occluding_match != OccludingMatch::none;
-    view_ = contour_view(angles_from_rotation(camera.camera_from_model).yaw, view_, contour);
+    view_ = contour_view(yaw_from_rotation(camera.camera_from_model), view_, contour);
     if (is_both && view_ != ContourView::frontal) {
         shape_vertices_.resize(3, base().model().num_vertices());
         base().update_shape(context_->identity(alpha), psi, view_, shape_vertices_);
@@ -329,9 +329,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     image.points.num_points = num_fixed + static_cast<Eigen::Index>(matches_.size());
     image.used.clear();
     image.roots.resize(image.points.num_points, 3);
+    image.dimensions.resize(image.points.num_points);
     image.matched_scale = noise.scale_px_per_mm;
     const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::RowVector3d& root) {
         image.roots.row(static_cast<Eigen::Index>(image.used.size())) = std::sqrt(landmark(l).confidence) * root;
+        image.dimensions[static_cast<Eigen::Index>(image.used.size())] = num_dimensions;
         image.used.push_back({l, bias_index, num_dimensions});
     };
     const bool has_own_noise = !covariances_px_.empty() || !options().covariances_mm.empty();

@@ -29,7 +29,8 @@ struct JointPoint
 /// What of one image enters the energy. Constant within a round.
 struct JointImage
 {
-    std::vector<JointPoint> used = {}; ///< One per point below.
+    std::vector<JointPoint> used = {};            ///< One per point below.
+    RoomyMatrix<Eigen::VectorXd> dimensions = {}; ///< N, theirs once more.
     std::vector<int> map_indices = {}; ///< Positions in the landmark map of those tied to it, which come first.
     PackedPoints points = {};
     Eigen::Matrix2Xd image_points = {};       ///< 2 x N, and perhaps room for more.

@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
 #include <utility>
 
@@ -113,14 +114,16 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
     result.degrees_of_freedom = 2 * static_cast<int>(seen.used.size()) - 6;
 }
 
-inline void JointFit::judge(JointFramesResult& result) const
+inline void JointFit::judge(JointFramesResult& result)
 {
     const auto num_at_bound = (state_.alpha.array().abs() >= options().max_coefficient).count();
     result.status = FitStatus::success;
     result.reason.clear();
     if (!progress_.has_settled) {
         result.status = FitStatus::not_converged;
-        result.reason = "the joint fit did not settle in " + std::to_string(progress_.iterations) + " steps";
+        char text[64]; // a fit of few steps says so each time, without allocation
+        std::snprintf(text, sizeof text, "the joint fit did not settle in %d steps", progress_.iterations);
+        result.reason = text;
     }
     if (num_at_bound > 0) {
         result.status = FitStatus::implausible;
@@ -128,11 +131,11 @@ inline void JointFit::judge(JointFramesResult& result) const
                         to_text(options().max_coefficient) + " standard deviations";
     }
     const FitStatus shared_status = result.status;
-    const std::string shared_reason = result.reason; // that of one image may take its place
+    shared_reason_ = result.reason; // that of one image may take its place
     for (std::size_t f = 0; f < used_.size(); ++f) {
         FitResult& fit = result.frames[used_[f]].fit;
         fit.status = shared_status;
-        fit.reason = shared_reason;
+        fit.reason = shared_reason_;
         judge_image(f, fit);
         if (fit.status == FitStatus::implausible && result.status != FitStatus::implausible) {
             result.status = fit.status;

@@ -42,32 +42,36 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     result.camera.principal_point_px = principal_point_px;
     Eigen::Index num_used = 0;
     double total = 0;
-    // Weighted means, and means of products: of the model points, and of the image points with these; all of offsets
-    // from the first pair, so that nothing is lost where the means are taken off.
-    Eigen::Vector3d mean_in_model = Eigen::Vector3d::Zero();
-    Eigen::Vector2d mean_in_image = Eigen::Vector2d::Zero();
-    Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
-    Eigen::Matrix<double, 2, 3> cross = Eigen::Matrix<double, 2, 3>::Zero();
+    // Weighted sums of offsets from the first pair, so that nothing is lost where the means are taken off: of points
+    // and image points, and of their products. Each by its name, for which compilers find registers.
+    double x = 0, y = 0, z = 0, u = 0, v = 0;
+    double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, ux = 0, uy = 0, uz = 0, vx = 0, vy = 0, vz = 0;
     for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
-        const double of_pair = weight(i);
-        const Eigen::Vector3d in_model = points_in_model.col(i) - points_in_model.col(0);
-        const Eigen::Vector2d in_image = image_points.col(i) - image_points.col(0);
-        const Eigen::Vector3d weighted = of_pair * in_model;
-        num_used += of_pair > 0;
-        total += of_pair;
-        mean_in_model += weighted;
-        mean_in_image += of_pair * in_image;
-        moments += in_model * weighted.transpose();
-        cross += in_image * weighted.transpose();
+        const double w = weight(i);
+        const Eigen::Vector3d p = points_in_model.col(i) - points_in_model.col(0);
+        const Eigen::Vector2d q = image_points.col(i) - image_points.col(0);
+        const double wx = w * p.x(), wy = w * p.y(), wz = w * p.z();
+        num_used += w > 0;
+        total += w;
+        x += wx, y += wy, z += wz;
+        u += w * q.x(), v += w * q.y();
+        xx += wx * p.x(), xy += wx * p.y(), xz += wx * p.z();
+        yy += wy * p.y(), yz += wy * p.z(), zz += wz * p.z();
+        ux += wx * q.x(), uy += wy * q.x(), uz += wz * q.x();
+        vx += wx * q.y(), vy += wy * q.y(), vz += wz * q.y();
     }
     if (num_used < 4) {
         result.status = FitStatus::too_few_correspondences;
         result.reason = "a pose needs 4 points, got " + std::to_string(num_used);
         return result;
     }
-    mean_in_model /= total;
-    mean_in_image /= total;
+    Eigen::Vector3d mean_in_model = Eigen::Vector3d(x, y, z) / total;
+    Eigen::Vector2d mean_in_image = Eigen::Vector2d(u, v) / total;
+    Eigen::Matrix3d moments; // about the means
+    moments << xx, xy, xz, xy, yy, yz, xz, yz, zz;
     moments = Eigen::Matrix3d(moments / total - mean_in_model * mean_in_model.transpose());
+    Eigen::Matrix<double, 2, 3> cross;
+    cross << ux, uy, uz, vx, vy, vz;
     cross = Eigen::Matrix<double, 2, 3>(cross / total - mean_in_image * mean_in_model.transpose());
     mean_in_model += points_in_model.col(0);
     mean_in_image += image_points.col(0);

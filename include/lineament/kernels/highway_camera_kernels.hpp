@@ -77,6 +77,38 @@ inline void camera_residuals(const PerspectiveCamera& camera, const double* poin
 }
 
 template <class Tag>
+HWY_INLINE int weigh_by_student_t_from(Tag d, const double* residuals, const double* dimensions, double nu, int count,
+                                       int begin, double* roots, double* weighted)
+{
+    using Vector = hn::Vec<Tag>;
+    const int step = static_cast<int>(hn::Lanes(d));
+    const Vector one = hn::Set(d, 1.0), degrees = hn::Set(d, nu);
+    int i = begin;
+    for (; i + step <= count; i += step) {
+        const Vector x = hn::LoadU(d, residuals + i), y = hn::LoadU(d, residuals + count + i);
+        const Vector dimension = hn::LoadU(d, dimensions + i);
+        const Vector squared = hn::MulAdd(x, x, hn::Mul(y, y));
+        const Vector inverse = hn::Div(one, hn::Add(degrees, squared));
+        const Vector weight = hn::Mul(hn::Add(degrees, dimension), inverse);
+        const Vector slope = hn::Mul(hn::Div(hn::Set(d, 2.0), dimension), hn::Mul(squared, inverse));
+        const Vector root = hn::Sqrt(hn::Mul(weight, hn::Max(hn::Set(d, 0.1), hn::Sub(one, slope))));
+        const Vector factor = hn::Div(weight, root);
+        hn::StoreU(root, d, roots + i);
+        hn::StoreU(hn::Mul(factor, x), d, weighted + i);
+        hn::StoreU(hn::Mul(factor, y), d, weighted + count + i);
+    }
+    return i;
+}
+
+inline void weigh_by_student_t(const double* residuals, const double* dimensions, double nu, int count, double* roots,
+                               double* weighted)
+{
+    int i = weigh_by_student_t_from(hn::CappedTag<double, 8>(), residuals, dimensions, nu, count, 0, roots, weighted);
+    i = weigh_by_student_t_from(hn::CappedTag<double, 2>(), residuals, dimensions, nu, count, i, roots, weighted);
+    weigh_by_student_t_from(hn::CappedTag<double, 1>(), residuals, dimensions, nu, count, i, roots, weighted);
+}
+
+template <class Tag>
 HWY_INLINE int camera_derivatives_from(Tag d, const PerspectiveCamera& camera, const double* points,
                                        const double* offsets, const double* roots, const double* factors, int count,
                                        int begin, double* derivatives)

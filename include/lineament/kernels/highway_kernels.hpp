@@ -300,6 +300,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     project_points,
                                     add_turned_points,
                                     camera_residuals,
+                                    weigh_by_student_t,
                                     camera_derivatives,
                                     add_lower_gram,
                                     factor_positive<double>,

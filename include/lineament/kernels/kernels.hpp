@@ -190,9 +190,17 @@ struct Kernels
     void (*camera_residuals)(const PerspectiveCamera& camera, const double* points, const double* landmarks,
                              const double* roots, int count, double* residuals);
 
-    /// Their derivatives, times factors[i], in rows of `count`: by the point (2 x 3), by the camera (2 x 6: turn in its
-    /// axes, log scale, translation), both row by row, by phi (2). The scale moves phi too, and takes the offsets,
-    /// which are parts of the points, along: points stand for others + offset / scale.
+    /// Residuals (x, y) at residuals[i] and residuals[count + i] under Student's t of nu degrees of freedom, with u =
+    /// x^2
+    /// + y^2 and D = dimensions[i]: the root of the curvature, roots[i] = sqrt(w max(0.1, 1 - 2 u / (D (nu + u)))) with
+    /// the weight w = (nu + D) / (nu + u), and (x, y) w / roots[i] at weighted[i] and weighted[count + i]. Nothing is
+    /// read or written beyond `count`; any alignment.
+    void (*weigh_by_student_t)(const double* residuals, const double* dimensions, double nu, int count, double* roots,
+                               double* weighted);
+
+    /// Derivatives of camera_residuals, times factors[i], in rows of `count`: by the point (2 x 3), by the camera (2 x
+    /// 6: turn in its axes, log scale, translation), both row by row, by phi (2). The scale moves phi too, and takes
+    /// the offsets, which are parts of the points, along: points stand for others + offset / scale.
     void (*camera_derivatives)(const PerspectiveCamera& camera, const double* points, const double* offsets,
                                const double* roots, const double* factors, int count, double* derivatives);
 

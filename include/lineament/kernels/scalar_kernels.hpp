@@ -422,6 +422,21 @@ inline void camera_residuals(const PerspectiveCamera& camera, const double* poin
     }
 }
 
+inline void weigh_by_student_t(const double* residuals, const double* dimensions, double nu, int count, double* roots,
+                               double* weighted)
+{
+    for (int i = 0; i < count; ++i) {
+        const double x = residuals[i], y = residuals[count + i];
+        const double squared = x * x + y * y;
+        const double inverse = 1 / (nu + squared);
+        const double weight = (nu + dimensions[i]) * inverse;
+        roots[i] = std::sqrt(weight * std::max(0.1, 1 - 2 / dimensions[i] * squared * inverse));
+        const double factor = weight / roots[i];
+        weighted[i] = factor * x;
+        weighted[count + i] = factor * y;
+    }
+}
+
 inline void camera_derivatives(const PerspectiveCamera& camera, const double* points, const double* offsets,
                                const double* roots, const double* factors, int count, double* derivatives)
 {
@@ -545,6 +560,7 @@ namespace lineament::kernels {
                                       scalar::project_points,
                                       scalar::add_turned_points,
                                       scalar::camera_residuals,
+                                      scalar::weigh_by_student_t,
                                       scalar::camera_derivatives,
                                       scalar::add_lower_gram,
                                       scalar::factor_positive<double>,
