@@ -30,8 +30,9 @@ int main(int argc, char** argv)
     }
     const Eigen::Matrix3Xf points = map.points_on(model.mesh_of(model.shape.instance(a)).vertices);
 
-    IdentityFilter identity(a.size()); // the prior: a ~ N(0, I)
-    FitResult before;
+    IdentityFilter identity(a.size());                  // the prior: a ~ N(0, I)
+    JointWorkspace workspace = fitter.make_workspace(); // memory for fit after fit
+    JointFitResult result;
     double first_error = 0;
     double last_error = 0;
     const int num_frames = 12;
@@ -47,14 +48,13 @@ int main(int argc, char** argv)
             landmarks.landmarks.push_back({map.names[i], camera.project(point) + 2 * noise});
         }
 
-        const JointFitResult result =
-            fitter.fit(landmarks, camera.principal_point_px, frame > 0 ? &before : nullptr, {}, &identity);
+        const FitResult* const before = frame > 0 ? &result.fit : nullptr;
+        fitter.fit(landmarks, camera.principal_point_px, workspace, result, before, {}, &identity);
         if (result.fit.status != FitStatus::success) {
             std::printf("frame %d: %s\n", frame, result.fit.reason.c_str());
             return 1;
         }
         identity.add(fitter.identity_information(landmarks, result, identity.num_images()));
-        before = result.fit;
 
         last_error = std::sqrt((identity.mean() - a).squaredNorm() / static_cast<double>(a.size()));
         first_error = frame == 0 ? last_error : first_error;

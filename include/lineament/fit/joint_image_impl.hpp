@@ -338,8 +338,8 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     };
     const bool has_own_noise = !covariances_px_.empty() || !options().covariances_mm.empty();
     double last_variance = -1;
-    Eigen::RowVector3d root; // of the last one
-    Eigen::Matrix2d across;  // likewise
+    Eigen::RowVector3d root = Eigen::RowVector3d::Zero(); // of the last one
+    Eigen::Matrix2d across = Eigen::Matrix2d::Zero();     // likewise
     const Eigen::VectorXf* stated = base().landmark_noise_mm();
     for (const int l : use_.fixed) {
         const int map_index = use_.map_indices[l];

@@ -186,32 +186,51 @@ inline void transform_points(const float* points, int step, int count, const flo
     }
 }
 
+/// Of distances seen one after the other, for a vector of points, the first of the least of each.
+class FirstLeast
+{
+public:
+    HWY_INLINE FirstLeast()
+        : least_(hn::Set(DoubleTag(), std::numeric_limits<double>::infinity())), first_(hn::Zero(Integers())),
+          index_(hn::Zero(Integers()))
+    {}
+    HWY_INLINE void see(DoubleVector distance)
+    {
+        const auto is_nearer = hn::Lt(distance, least_);
+        least_ = hn::Min(distance, least_);
+        first_ = hn::IfThenElse(hn::RebindMask(Integers(), is_nearer), index_, first_);
+        index_ = hn::Add(index_, hn::Set(Integers(), 1));
+    }
+    HWY_INLINE void store(int count, int* first) const
+    {
+        alignas(64) std::int64_t found[double_lanes];
+        hn::Store(first_, Integers(), found);
+        for (int j = 0; j < count && j < double_lanes; ++j) {
+            first[j] = static_cast<int>(found[j]);
+        }
+    }
+
+private:
+    using Integers = hn::Rebind<std::int64_t, DoubleTag>;
+    DoubleVector least_;
+    hn::Vec<Integers> first_, index_;
+};
+
 /// Several points a vector, so that nothing is searched across it.
 inline void nearest_points(const double* u, const double* v, int count, const double* to_u, const double* to_v,
                            int num_to, int* nearest)
 {
     const DoubleTag d;
-    const hn::Rebind<std::int64_t, DoubleTag> integers;
-    alignas(64) std::int64_t found[double_lanes];
     for (int begin = 0; begin < num_to; begin += double_lanes) {
         const DoubleVector centre_u = hn::Load(d, to_u + begin);
         const DoubleVector centre_v = hn::Load(d, to_v + begin);
-        DoubleVector least = hn::Set(d, std::numeric_limits<double>::infinity());
-        auto first = hn::Zero(integers);
-        auto index = hn::Zero(integers);
+        FirstLeast least;
         for (int i = 0; i < count; ++i) {
             const DoubleVector du = hn::Sub(hn::Set(d, u[i]), centre_u);
             const DoubleVector dv = hn::Sub(hn::Set(d, v[i]), centre_v);
-            const DoubleVector distance = hn::Add(hn::Mul(du, du), hn::Mul(dv, dv));
-            const auto is_nearer = hn::Lt(distance, least);
-            least = hn::Min(distance, least);
-            first = hn::IfThenElse(hn::RebindMask(integers, is_nearer), index, first);
-            index = hn::Add(index, hn::Set(integers, 1));
+            least.see(hn::Add(hn::Mul(du, du), hn::Mul(dv, dv)));
         }
-        hn::Store(first, integers, found);
-        for (int j = begin; j < num_to && j < begin + double_lanes; ++j) {
-            nearest[j] = static_cast<int>(found[j - begin]);
-        }
+        least.store(num_to - begin, nearest + begin);
     }
 }
 
@@ -219,14 +238,10 @@ inline void nearest_segments(const double* segments, int step, int count, const 
                              int num_to, int* nearest)
 {
     const DoubleTag d;
-    const hn::Rebind<std::int64_t, DoubleTag> integers;
-    alignas(64) std::int64_t found[double_lanes];
     const DoubleVector zero = hn::Zero(d), one = hn::Set(d, 1.0);
     for (int begin = 0; begin < num_to; begin += double_lanes) {
         const DoubleVector end_u = hn::Load(d, to_u + begin), end_v = hn::Load(d, to_v + begin);
-        DoubleVector least = hn::Set(d, std::numeric_limits<double>::infinity());
-        auto first = hn::Zero(integers);
-        auto index = hn::Zero(integers);
+        FirstLeast least;
         for (int i = 0; i < count; ++i) {
             const double* segment = segments + i;
             const DoubleVector u = hn::Sub(end_u, hn::Set(d, segment[0]));
@@ -237,16 +252,9 @@ inline void nearest_segments(const double* segments, int step, int count, const 
             const DoubleVector fraction = hn::Min(hn::Max(share, zero), one);
             const DoubleVector du = hn::Sub(hn::Mul(fraction, along_u), u);
             const DoubleVector dv = hn::Sub(hn::Mul(fraction, along_v), v);
-            const DoubleVector distance = hn::Add(hn::Mul(du, du), hn::Mul(dv, dv));
-            const auto is_nearer = hn::Lt(distance, least);
-            least = hn::Min(distance, least);
-            first = hn::IfThenElse(hn::RebindMask(integers, is_nearer), index, first);
-            index = hn::Add(index, hn::Set(integers, 1));
+            least.see(hn::Add(hn::Mul(du, du), hn::Mul(dv, dv)));
         }
-        hn::Store(first, integers, found);
-        for (int j = begin; j < num_to && j < begin + double_lanes; ++j) {
-            nearest[j] = static_cast<int>(found[j - begin]);
-        }
+        least.store(num_to - begin, nearest + begin);
     }
 }
 
