@@ -18,7 +18,9 @@
 #include "lineament/render/shading.hpp"
 #include "lineament/vision/mesh_detector.hpp"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <numbers>
 #include <optional>

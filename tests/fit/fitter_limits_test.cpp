@@ -68,18 +68,27 @@ TEST(FitterLimits, NumbersThatOverflowGiveNoFaceAndNoNumberThatIsNone)
     Random random(616);
     const LandmarkSet set = plant(random, 1, 1.0).images[0];
     const JointFitter fitter(synthetic_face());
-    for (const double variance_px : {1e100, 1e300}) { // its inverse squared is 0
+    for (const double variance_px : {1e100, 1e300, 1.5e308}) { // its inverse squared is 0, its double too large
         const std::vector<Eigen::Matrix2d> noise(set.landmarks.size(), variance_px * Eigen::Matrix2d::Identity());
         const JointFitResult result = fitter.fit(set, centre, nullptr, noise);
         EXPECT_EQ(result.fit.status, variance_px == 1e100 ? FitStatus::success : FitStatus::degenerate);
         EXPECT_TRUE(result.fit.shape_coefficients.allFinite() && result.fit.expression_coefficients.allFinite() &&
                     result.fit.camera.camera_from_model.allFinite() && result.covariance.allFinite() &&
                     std::isfinite(result.fit.rms_px) && std::isfinite(result.fit.chi_square));
-        if (variance_px == 1e300) {
+        if (variance_px >= 1e300) {
             EXPECT_EQ(result.fit.reason, "landmarks or noise of such sizes give no finite fit");
             EXPECT_EQ(result.fit.shape_coefficients.norm(), 0);
             EXPECT_EQ(result.covariance.size(), 0);
         }
+    }
+    for (const double sigma_mm : {1e-160, 1e160}) { // its square is 0, or infinite
+        JointOptions options;
+        options.landmark_sigma_mm = sigma_mm;
+        options.bias_sigma_mm = 0;
+        const JointFitResult result = JointFitter(synthetic_face(), "ibug68", options).fit(set, centre);
+        EXPECT_NE(result.fit.status, FitStatus::success) << sigma_mm;
+        EXPECT_TRUE(result.fit.shape_coefficients.allFinite() && result.fit.camera.camera_from_model.allFinite() &&
+                    std::isfinite(result.fit.rms_px));
     }
 }
 

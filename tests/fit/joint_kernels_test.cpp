@@ -136,6 +136,56 @@ TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecisionOfSeveralImages)
     }
 }
 
+TEST(JointKernels, GiveTheFaceOfPlainDoublePrecisionOfManyImages)
+{
+    // So many that they are eliminated one by one, with their landmark biases, and some expressions held.
+    Random random(713);
+    const MorphableModel& model = test::face_model();
+    const Eigen::VectorXd alpha = test::random_normal(random, model.shape.num_coefficients());
+    std::vector<LandmarkSet> images;
+    for (int image = 0; image < 40; ++image) {
+        const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
+        images.push_back(
+            test::project_landmarks(model, "ibug68", alpha, psi, test::random_camera(random, 45), 1.5, random));
+    }
+    JointOptions options;
+    options.contour = ContourMode::front_facing;
+    const JointFramesResult expected = JointFitter(model, "ibug68", options).fit_frames(images, {320, 240});
+    const JointFramesResult result =
+        JointFitter(model, "ibug68", options, &kernels::dispatched_kernels()).fit_frames(images, {320, 240});
+    ASSERT_EQ(expected.status, FitStatus::success) << expected.reason;
+    ASSERT_EQ(result.status, FitStatus::success) << result.reason;
+    int num_held = 0;
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        EXPECT_LT(1000 * test::largest_vertex_distance_mm(model, result.frames[f].fit, expected.frames[f].fit), 1);
+        num_held += (result.frames[f].fit.expression_coefficients.array() == 0).any();
+    }
+    EXPECT_GT(num_held, 10);
+}
+
+TEST(JointKernels, FitImagesWithoutShapeCoefficients)
+{
+    Random random(714);
+    const MorphableModel& model = test::face_model();
+    std::vector<LandmarkSet> images;
+    for (int image = 0; image < 2; ++image) {
+        images.push_back(test::project_landmarks(model, "ibug68", Eigen::VectorXd::Zero(60), Eigen::VectorXd::Zero(6),
+                                                 test::random_camera(random, 30), 1.0, random));
+    }
+    JointOptions options;
+    options.num_shape_coefficients = 0;
+    const JointFramesResult expected = JointFitter(model, "ibug68", options).fit_frames(images, {320, 240});
+    const JointFramesResult result =
+        JointFitter(model, "ibug68", options, &kernels::dispatched_kernels()).fit_frames(images, {320, 240});
+    EXPECT_EQ(result.status, FitStatus::success) << result.reason;
+    for (std::size_t f = 0; f < images.size(); ++f) {
+        EXPECT_LT((result.frames[f].fit.expression_coefficients - expected.frames[f].fit.expression_coefficients)
+                      .cwiseAbs()
+                      .maxCoeff(),
+                  1e-4);
+    }
+}
+
 TEST_P(JointKernelsTest, GiveTheMeshOfPlainSums)
 {
     FitResult fit = JointFitter(model, "ibug68", options()).fit(faces()[0], {320, 240}).fit;

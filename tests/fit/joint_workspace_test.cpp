@@ -22,15 +22,18 @@ namespace {
 
 const Eigen::Vector2d centre(320, 240);
 
-std::vector<LandmarkSet> draw_faces(int count, double max_yaw_deg, int seed)
+std::vector<LandmarkSet> draw_faces(int count, double max_yaw_deg, int seed, bool has_depth = false)
 {
     Random random(seed);
     std::vector<LandmarkSet> sets;
     for (int face = 0; face < count; ++face) {
         const Eigen::VectorXd alpha = test::random_normal(random, test::face_model().shape.num_coefficients());
         const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
-        sets.push_back(test::project_landmarks(test::face_model(), "ibug68", alpha, psi,
-                                               test::random_camera(random, max_yaw_deg), 1.5, random));
+        const Camera camera = test::random_camera(random, max_yaw_deg);
+        sets.push_back(test::project_landmarks(test::face_model(), "ibug68", alpha, psi, camera, 1.5, random));
+        if (has_depth) {
+            test::add_depth(test::face_model(), camera, 0, sets.back());
+        }
     }
     return sets;
 }
@@ -65,10 +68,17 @@ void expect_same(const JointFitResult& result, const JointFitResult& expected)
     EXPECT_EQ(result.expression_deviations, expected.expression_deviations);
     EXPECT_EQ(result.unobservable_expressions, expected.unobservable_expressions);
     EXPECT_EQ(result.minimum_camera.camera_from_model, expected.minimum_camera.camera_from_model);
+    EXPECT_EQ(result.minimum_camera.translation_mm, expected.minimum_camera.translation_mm);
+    EXPECT_EQ(result.minimum_camera.scale_px_per_mm, expected.minimum_camera.scale_px_per_mm);
+    EXPECT_EQ(result.minimum_camera.phi_per_mm, expected.minimum_camera.phi_per_mm);
     EXPECT_EQ(result.minimum_expression, expected.minimum_expression);
     EXPECT_EQ(result.matched_scale_px_per_mm, expected.matched_scale_px_per_mm);
     EXPECT_EQ(result.scale_strength, expected.scale_strength);
-    EXPECT_EQ(result.energies.size(), expected.energies.size());
+    ASSERT_EQ(result.energies.size(), expected.energies.size());
+    for (std::size_t i = 0; i < expected.energies.size(); ++i) {
+        EXPECT_EQ(result.energies[i].round, expected.energies[i].round);
+        EXPECT_EQ(result.energies[i].energy, expected.energies[i].energy);
+    }
 }
 
 TEST(JointWorkspace, HoldsNothingThatTheNextFitWouldSee)
@@ -89,6 +99,8 @@ TEST(JointWorkspace, HoldsNothingThatTheNextFitWouldSee)
             faces.push_back(faces[0]);
             faces.back().landmarks[40].point_px.x() += 300; // a wild one
             faces.push_back(faces[3]);
+            const std::vector<LandmarkSet> with_depth = draw_faces(3, 30, 926, true);
+            faces.insert(faces.end(), with_depth.begin(), with_depth.end());
             const KnownIdentity identity = fitter.prepare_identity(fitter.fit(faces[0], centre).fit.shape_coefficients);
             JointWorkspace workspace = fitter.make_workspace();
             JointFitResult result;
@@ -129,6 +141,30 @@ TEST(JointWorkspace, TakesImagesInAnyNumber)
             expect_same(result.frames[f], expected.frames[f]);
         }
     }
+}
+
+TEST(JointWorkspace, SaysNothingThatAnotherFitterHasSaid)
+{
+    const std::vector<LandmarkSet> faces = draw_faces(2, 30, 927);
+    JointOptions options;
+    const JointFitter sure(test::face_model(), "ibug68", options, &kernels::dispatched_kernels());
+    options.with_covariance = false;
+    const JointFitter other(test::face_model(), "ibug68", options, &kernels::dispatched_kernels());
+    JointWorkspace workspace = sure.make_workspace(), workspace_of_other = other.make_workspace();
+    JointFitResult result;
+    sure.fit(faces[0], centre, workspace, result);
+    EXPECT_GT(result.covariance.size(), 0); // the twin
+    for (const LandmarkSet& face : {faces[0], faces[1], faces[0]}) {
+        other.fit(face, centre, workspace_of_other, result);
+        expect_same(result, other.fit(face, centre));
+    }
+    JointFramesResult person;
+    sure.fit_frames(faces, centre, workspace, person);
+    EXPECT_GT(person.shape_covariance.size(), 0);
+    other.fit_frames(faces, centre, workspace_of_other, person);
+    EXPECT_EQ(person.shape_covariance.size(), 0);
+    EXPECT_EQ(person.frames[1].covariance.size(), 0);
+    EXPECT_EQ(person.frames[1].expression_deviations.size(), 0);
 }
 
 TEST(JointWorkspace, LeavesTheResultWhereInputIsRefused)

@@ -217,6 +217,21 @@ inline bool JointFit::turn_by_depth(std::size_t f)
     return true;
 }
 
+/// Swaps two things, and back at its end.
+template <typename T>
+class SwappedForNow
+{
+public:
+    SwappedForNow(T& one, T& other) : one_(one), other_(other) { std::swap(one_, other_); }
+    ~SwappedForNow() { std::swap(one_, other_); }
+    SwappedForNow(const SwappedForNow&) = delete;
+    SwappedForNow& operator=(const SwappedForNow&) = delete;
+
+private:
+    T& one_;
+    T& other_;
+};
+
 /// Anew for another camera, where identity and biases are as they are.
 inline void JointFit::fit_expression_of(std::size_t f, const Camera& camera, double own_scale, Eigen::VectorXd& psi)
 {
@@ -235,16 +250,17 @@ inline void JointFit::fit_expression_of(std::size_t f, const Camera& camera, dou
     same.dimensions = seen.dimensions;
     same.matched_scale = seen.matched_scale;
     same.points.num_points = seen.points.num_points;
-    std::swap(same.points.expression, seen.points.expression); // for as long as this takes
+    const SwappedForNow lent(same.points.expression, seen.points.expression);
     same.points.expression.multiply(context_->kernels, same.points.num_points, own_scale * state_.psi[f],
                                     products_.padded, products_.by_expression);
     same.points.mean = scratch_.placed[f].points - products_.by_expression;
     alone_.state.cameras.assign(1, camera);
     alone_.state.psi.assign(1, state_.psi[f]);
+    alone_.scratch.keeps_matrix = false;
+    alone_.progress.energies.clear();
     minimize(alone_.problem, alone_.state, {options().max_iterations, options().tolerance, false}, 0, alone_.scratch,
              alone_.progress);
     psi = alone_.state.psi.front();
-    std::swap(same.points.expression, seen.points.expression);
 }
 
 inline void JointFit::set_system_at(const Camera& camera, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,

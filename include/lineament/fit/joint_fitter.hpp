@@ -191,9 +191,9 @@ public:
 
     /// The same bits, written to `result`, whose memory is used again.
     ///
-    /// With kernels, and once it has grown to what such faces need, nothing is allocated for a face with a usable pose,
-    /// long names of unobservable expressions apart, unless `earlier` is given, a focal length is known or asked for,
-    /// landmarks have depths, are wild or lie on a silhouette.
+    /// With kernels, and once it has grown to what such faces need, nothing is allocated for a face that is a success
+    /// or has not settled, long names of unobservable expressions apart, unless `covariances_px` or `earlier` are
+    /// given, a focal length is known or asked for, landmarks have depths, are wild or lie on a silhouette.
     /// @param start  May be result.fit.
     void fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px, JointWorkspace& workspace,
              JointFitResult& result, const FitResult* start = nullptr,

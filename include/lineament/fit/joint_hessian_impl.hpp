@@ -15,6 +15,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -205,9 +206,9 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
                                 expression_width);
         for (int r = 0; r < num_rows; ++r) {
             float* to = rows + r * width + first_psi;
-            const float* from = by_psi + r * expression_width - shared;
+            const float* from = by_psi + r * expression_width;
             for (int k = 0; k < num_psi; ++k) {
-                to[k] = from[own[k]];
+                to[k] = from[own[k] - shared];
             }
         }
     }
@@ -397,12 +398,14 @@ LINEAMENT_FIT_INLINE void JointProblem::set_arrow(const JointState& state, Joint
 
         // Of alpha alone the rows that are not those of biases, one behind the other.
         float* end = rows;
+        int num_kept = 0;
         for (std::size_t row = 0; row < 2 * images[f].used.size(); ++row) {
             if (num_hidden == 0 || images[f].used[row / 2].bias_index < 0) {
                 end = std::copy_n(rows + static_cast<int>(row) * width + alpha_begin, shape_width, end);
+                ++num_kept;
             }
         }
-        kernels->add_gram(rows, static_cast<int>(end - rows) / shape_width, shape_width, shape_gram);
+        kernels->add_gram(rows, num_kept, shape_width, shape_gram);
     }
     if (num_hidden > 0) {
         add_shape_gram_of_biases(system, shape_gram);

@@ -215,8 +215,11 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_start_weights(Eigen::VectorXd& 
         }
         weights[static_cast<Eigen::Index>(i)] = landmark(l).confidence / variance;
     }
-    if (weights.size() > 0) {
-        weights /= weights.maxCoeff();
+    const double largest = weights.size() > 0 ? weights.maxCoeff() : 1.0;
+    if (largest > 0 && std::isfinite(largest)) {
+        weights /= largest;
+    } else {
+        weights.setOnes(); // of such noise none says more than another
     }
 }
 

@@ -55,12 +55,17 @@ inline void JointFit::set_unfitted(const Image& image, FitResult& result) const
     }
 }
 
-/// Of a frame without a usable pose.
-inline void forget_minimum(JointFitResult& frame)
+inline void forget_certainty(JointFitResult& frame)
 {
     frame.covariance.resize(0, 0);
     frame.expression_deviations.resize(0);
     frame.unobservable_expressions.clear();
+}
+
+/// Of a frame without a usable pose.
+inline void forget_minimum(JointFitResult& frame)
+{
+    forget_certainty(frame);
     frame.minimum_camera = Camera{};
     frame.minimum_expression.resize(0);
     frame.matched_scale_px_per_mm = 1.0;
@@ -299,6 +304,10 @@ inline void JointFit::write(JointFramesResult& result)
     }
     if (options().with_covariance) {
         set_certainty(result);
+    } else {
+        for (JointFitResult& frame : result.frames) {
+            forget_certainty(frame);
+        }
     }
     judge(result);
     withhold_unless_finite(result);

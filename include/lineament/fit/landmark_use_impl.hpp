@@ -38,9 +38,8 @@ struct LandmarkUse
     return outline_side(fitter.scheme(), landmark.name).has_value();
 }
 
-/// @throws InvalidArgument in the name of the function on a landmark that is not finite or beyond max_coordinate_px, or
-/// a
-///         confidence outside [0, 1].
+/// @throws InvalidArgument in the name of the function on a landmark that is not finite or beyond max_coordinate_px,
+///         or a confidence outside [0, 1].
 inline void require_usable(const Landmark& landmark, const char* function)
 {
     const double depth_px = landmark.depth_px.value_or(0.0);

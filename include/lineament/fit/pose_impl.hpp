@@ -42,14 +42,18 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     result.camera.principal_point_px = principal_point_px;
     Eigen::Index num_used = 0;
     double total = 0;
-    // Weighted sums of offsets from the first pair, so that nothing is lost where the means are taken off: of points
-    // and image points, and of their products. Each by its name, for which compilers find registers.
+    // Weighted sums of offsets from the first pair that counts, so that nothing is lost where the means are taken off:
+    // of points and image points, and of their products. Each by its name, for which compilers find registers.
+    Eigen::Index first = 0;
+    while (first + 1 < points_in_model.cols() && !(weight(first) > 0)) {
+        ++first;
+    }
     double x = 0, y = 0, z = 0, u = 0, v = 0;
     double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, ux = 0, uy = 0, uz = 0, vx = 0, vy = 0, vz = 0;
     for (Eigen::Index i = 0; i < points_in_model.cols(); ++i) {
         const double w = weight(i);
-        const Eigen::Vector3d p = points_in_model.col(i) - points_in_model.col(0);
-        const Eigen::Vector2d q = image_points.col(i) - image_points.col(0);
+        const Eigen::Vector3d p = points_in_model.col(i) - points_in_model.col(first);
+        const Eigen::Vector2d q = image_points.col(i) - image_points.col(first);
         const double wx = w * p.x(), wy = w * p.y(), wz = w * p.z();
         num_used += w > 0;
         total += w;
@@ -73,8 +77,8 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     Eigen::Matrix<double, 2, 3> cross;
     cross << ux, uy, uz, vx, vy, vz;
     cross = Eigen::Matrix<double, 2, 3>(cross / total - mean_in_image * mean_in_model.transpose());
-    mean_in_model += points_in_model.col(0);
-    mean_in_image += image_points.col(0);
+    mean_in_model += points_in_model.col(first);
+    mean_in_image += image_points.col(first);
 
     // Variances along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely. Where the
     // determinant says that all are wide, a bound of the largest does.

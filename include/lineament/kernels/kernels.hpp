@@ -190,11 +190,10 @@ struct Kernels
     void (*camera_residuals)(const PerspectiveCamera& camera, const double* points, const double* landmarks,
                              const double* roots, int count, double* residuals);
 
-    /// Residuals (x, y) at residuals[i] and residuals[count + i] under Student's t of nu degrees of freedom, with u =
-    /// x^2
-    /// + y^2 and D = dimensions[i]: the root of the curvature, roots[i] = sqrt(w max(0.1, 1 - 2 u / (D (nu + u)))) with
-    /// the weight w = (nu + D) / (nu + u), and (x, y) w / roots[i] at weighted[i] and weighted[count + i]. Nothing is
-    /// read or written beyond `count`; any alignment.
+    /// Residuals (x, y) at residuals[i] and residuals[count + i] under Student's t of nu degrees of freedom, squared u,
+    /// D = dimensions[i]: the root of the curvature, roots[i] = sqrt(w max(0.1, 1 - 2 u / (D (nu + u)))) with the
+    /// weight w = (nu + D) / (nu + u), and (x, y) w / roots[i] at weighted[i] and weighted[count + i]. Nothing is read
+    /// or written beyond `count`; any alignment.
     void (*weigh_by_student_t)(const double* residuals, const double* dimensions, double nu, int count, double* roots,
                                double* weighted);
 
