@@ -87,10 +87,12 @@ std::vector<Case> make_cases(const MorphableModel& model, const std::vector<Land
             for (const LandmarkSet& set : sets) {
                 steps += static_cast<double>(joint->fit(set, centre).fit.iterations) / count;
             }
-            cases.push_back({"JointFitter" + what + suffix, steps, count, [joint, &sets] {
+            const auto workspace = std::make_shared<JointWorkspace>(joint->make_workspace());
+            cases.push_back({"JointFitter" + what + suffix, steps, count,
+                             [joint, workspace, &sets, result = JointFitResult{}]() mutable {
                                  for (const LandmarkSet& set : sets) {
-                                     sink += shape_of(joint->model(), joint->fit(set, centre).fit,
-                                                      &kernels::dispatched_kernels())[0];
+                                     joint->fit(set, centre, *workspace, result);
+                                     sink += shape_of(joint->model(), result.fit, &kernels::dispatched_kernels())[0];
                                  }
                              }});
         };
