@@ -39,6 +39,8 @@ set(definitions
     identity_filter_impl.hpp
     identity_impl.hpp
     identity_prior_impl.hpp
+    joint_arrow_impl.hpp
+    joint_bias_impl.hpp
     joint_certainty_impl.hpp
     joint_fit.hpp
     joint_fit_impl.hpp

@@ -5,6 +5,8 @@
 #include "lineament/fit/joint_problem.hpp"
 
 #include "lineament/fit/inline.hpp"
+#include "lineament/fit/joint_arrow_impl.hpp"
+#include "lineament/fit/joint_bias_impl.hpp"
 #include "lineament/fit/joint_hessian_impl.hpp"
 #include "lineament/fit/pose_step_impl.hpp"
 
