@@ -233,6 +233,9 @@ LINEAMENT_FIT_INLINE std::vector<double> JointProblem::scale_strengths(const Joi
 {
     const bool has_biases = state.bias.size() > 0;
     const Eigen::Index num_alpha = columns.cols();
+    if (num_alpha == 0) {
+        return std::vector<double>(images.size(), 0.0); // of no coefficients none is determined
+    }
     const Eigen::MatrixXd spread = has_biases ? bias_spread(linear, columns, system) : Eigen::MatrixXd();
     Eigen::Matrix3Xd covariances = // of where alpha and a bias move its point, where they are known
         Eigen::Matrix3Xd::Constant(3, spread.cols(), std::numeric_limits<double>::quiet_NaN());
