@@ -78,7 +78,7 @@ void joint_frozen_step(benchmark::State& state, const Kernels& kernels, std::str
     RealtimeWorkspace workspace = meshes.make_workspace();
     const std::vector<LandmarkSet> frames = video();
     JointFitResult result = fitter.fit(frames[0], centre);
-    const KnownIdentity identity = fitter.prepare_identity(result.fit.shape_coefficients);
+    const KnownIdentity identity = fitter.freeze(result.fit.shape_coefficients);
     const FrozenIdentity frozen = meshes.freeze(identity.shape_coefficients());
     JointWorkspace joint = fitter.make_workspace();
     std::size_t next = 0;

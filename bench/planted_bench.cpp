@@ -405,7 +405,7 @@ void print_frames(const std::string& setting, const Protocol& protocol, int num_
     FrameErrors of_joint, of_thesis;
     for (const Subject& subject : draw_subjects(protocol, num_subjects)) {
         const JointFramesResult person = joint.fit_frames(subject.images, centre);
-        const KnownIdentity identity = joint.prepare_identity(person.shape_coefficients);
+        const KnownIdentity identity = joint.freeze(person.shape_coefficients);
         const FrozenIdentity frozen = thesis.freeze(person.shape_coefficients);
         std::vector<FitResult> joint_frames, thesis_frames;
         for (const LandmarkSet& image : subject.images) {

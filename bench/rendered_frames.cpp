@@ -195,7 +195,7 @@ void compare(const bench::PlantedFaces& faces, const Motion& motion, int num_peo
             chosen.push_back(clip.landmarks[static_cast<std::size_t>(frame)]);
         }
         const JointFramesResult found = joint.fit_frames(chosen, middle);
-        const KnownIdentity identity = joint.prepare_identity(found.shape_coefficients);
+        const KnownIdentity identity = joint.freeze(found.shape_coefficients);
         const FrozenIdentity frozen = thesis.freeze(found.shape_coefficients);
         add_fits(of_thesis, faces, motion, clip, [&](const LandmarkSet& landmarks, const FitResult* last) {
             FitResult fit;

@@ -127,17 +127,21 @@ void move_to(FitResult& fit, const Eigen::Vector2d& principal_point_px)
     }
 }
 
-/// The thesis's fit of the frames of a video, one after the other.
+/// A fitter of the frames of a video, one after the other, with its memory.
+template <typename Fitter, typename Result>
 struct FrameFitter
 {
-    RealtimeFitter fitter;
-    RealtimeWorkspace workspace;
-    FitResult result = {};
-    std::optional<FrozenIdentity> identity = std::nullopt; ///< The last one asked for.
+    using Workspace = decltype(std::declval<const Fitter&>().make_workspace());
+    using Identity = decltype(std::declval<const Fitter&>().freeze(Eigen::VectorXd()));
 
-    explicit FrameFitter(RealtimeFitter prepared) : fitter(std::move(prepared)), workspace(fitter.make_workspace()) {}
+    Fitter fitter;
+    Workspace workspace;
+    Result result = {};
+    std::optional<Identity> identity = std::nullopt; ///< The last one asked for.
 
-    const FrozenIdentity& frozen(const Eigen::VectorXd& shape_coefficients)
+    explicit FrameFitter(Fitter prepared) : fitter(std::move(prepared)), workspace(fitter.make_workspace()) {}
+
+    const Identity& frozen(const Eigen::VectorXd& shape_coefficients)
     {
         if (!identity || identity->shape_coefficients() != shape_coefficients) {
             identity = fitter.freeze(shape_coefficients);
@@ -145,25 +149,8 @@ struct FrameFitter
         return *identity;
     }
 };
-
-/// The joint fit of the frames of a video, one after the other.
-struct JointFrameFitter
-{
-    JointFitter fitter;
-    JointWorkspace workspace;
-    JointFitResult result = {};
-    std::optional<KnownIdentity> identity = std::nullopt; ///< The last one asked for.
-
-    explicit JointFrameFitter(JointFitter prepared) : fitter(std::move(prepared)), workspace(fitter.make_workspace()) {}
-
-    const KnownIdentity& known(const Eigen::VectorXd& shape_coefficients)
-    {
-        if (!identity || identity->shape_coefficients() != shape_coefficients) {
-            identity = fitter.prepare_identity(shape_coefficients);
-        }
-        return *identity;
-    }
-};
+using ThesisFrameFitter = FrameFitter<RealtimeFitter, FitResult>;
+using JointFrameFitter = FrameFitter<JointFitter, JointFitResult>;
 
 } // namespace
 
@@ -174,7 +161,7 @@ struct Fitters::Implementation
     std::map<LandmarkKind, FaceFitter> thesis_fitters = {};
     std::map<LandmarkKind, JointFitter> joint_fitters = {};
     std::map<LandmarkKind, JointFrameFitter> joint_frame_fitters = {};
-    std::map<LandmarkKind, FrameFitter> frame_fitters = {};
+    std::map<LandmarkKind, ThesisFrameFitter> frame_fitters = {};
 
     std::optional<double> found_focal_px = std::nullopt; ///< Of the last identity.
 
@@ -226,13 +213,13 @@ struct Fitters::Implementation
         return joint_frame_fitters.emplace(kind, JointFrameFitter(std::move(fitter))).first->second;
     }
 
-    FrameFitter& frame_fitter(const LandmarkSet& set)
+    ThesisFrameFitter& frame_fitter(const LandmarkSet& set)
     {
         const LandmarkKind kind = kind_of(set);
         auto known = frame_fitters.find(kind);
         if (known == frame_fitters.end()) {
             RealtimeFitter fitter(*model, kind.scheme, thesis_options(options, kind), kernels::dispatched_kernels());
-            known = frame_fitters.emplace(kind, FrameFitter(std::move(fitter))).first;
+            known = frame_fitters.emplace(kind, ThesisFrameFitter(std::move(fitter))).first;
         }
         return known->second;
     }
@@ -353,7 +340,7 @@ FitResult Fitters::fit_frame(const LandmarkSet& landmarks, const Eigen::Vector2d
     if (implementation_->options.focal_px > 0.0) {
         return implementation_->thesis(landmarks).fit(landmarks, principal_point_px);
     }
-    FrameFitter& frames = implementation_->frame_fitter(landmarks);
+    ThesisFrameFitter& frames = implementation_->frame_fitter(landmarks);
     frames.fitter.fit(landmarks, principal_point_px, frames.workspace, frames.result);
     return frames.result;
 }
@@ -363,7 +350,7 @@ FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const E
 {
     if (implementation_->is_joint()) {
         JointFrameFitter& frames = implementation_->joint_frames(landmarks);
-        const KnownIdentity& identity = frames.known(shape_coefficients);
+        const KnownIdentity& identity = frames.frozen(shape_coefficients);
         frames.fitter.fit_pose_and_expression(landmarks, principal_point_px, identity, frames.workspace, frames.result,
                                               start);
         return frames.result.fit;
@@ -372,7 +359,7 @@ FitResult Fitters::fit_pose_and_expression(const LandmarkSet& landmarks, const E
         return implementation_->thesis(landmarks).fit_pose_and_expression(landmarks, principal_point_px,
                                                                           shape_coefficients, start);
     }
-    FrameFitter& frames = implementation_->frame_fitter(landmarks);
+    ThesisFrameFitter& frames = implementation_->frame_fitter(landmarks);
     frames.fitter.fit_pose_and_expression(landmarks, principal_point_px, frames.frozen(shape_coefficients),
                                           frames.workspace, frames.result, start);
     return frames.result;

@@ -29,6 +29,18 @@ void PrintTo(const Case& given, std::ostream* out)
     *out << given.name;
 }
 
+/// Of one person, with expressions.
+std::vector<LandmarkSet> images_of(const Eigen::VectorXd& alpha, int count, Random& random)
+{
+    std::vector<LandmarkSet> images;
+    for (int image = 0; image < count; ++image) {
+        const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
+        images.push_back(test::project_landmarks(test::face_model(), "ibug68", alpha, psi,
+                                                 test::random_camera(random, 45), 1.5, random));
+    }
+    return images;
+}
+
 class JointKernelsTest : public testing::TestWithParam<Case>
 {
 protected:
@@ -104,12 +116,7 @@ TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecisionOfSeveralImages)
 {
     Random random(712);
     const Eigen::VectorXd alpha = test::random_normal(random, model.shape.num_coefficients());
-    std::vector<LandmarkSet> images;
-    for (int image = 0; image < 5; ++image) {
-        const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
-        images.push_back(
-            test::project_landmarks(model, "ibug68", alpha, psi, test::random_camera(random, 45), 1.5, random));
-    }
+    std::vector<LandmarkSet> images = images_of(alpha, 5, random);
     images[1].landmarks.resize(40); // biases of the others have no point there
     for (const bool has_phi : {false, true}) {
         JointOptions given = options();
@@ -142,12 +149,7 @@ TEST(JointKernels, GiveTheFaceOfPlainDoublePrecisionOfManyImages)
     Random random(713);
     const MorphableModel& model = test::face_model();
     const Eigen::VectorXd alpha = test::random_normal(random, model.shape.num_coefficients());
-    std::vector<LandmarkSet> images;
-    for (int image = 0; image < 40; ++image) {
-        const Eigen::VectorXd psi = test::random_uniform(random, 6, -0.4, 0.8).cwiseMax(0.0);
-        images.push_back(
-            test::project_landmarks(model, "ibug68", alpha, psi, test::random_camera(random, 45), 1.5, random));
-    }
+    const std::vector<LandmarkSet> images = images_of(alpha, 40, random);
     JointOptions options;
     options.contour = ContourMode::front_facing;
     const JointFramesResult expected = JointFitter(model, "ibug68", options).fit_frames(images, {320, 240});

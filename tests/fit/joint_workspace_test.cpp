@@ -101,7 +101,7 @@ TEST(JointWorkspace, HoldsNothingThatTheNextFitWouldSee)
             faces.push_back(faces[3]);
             const std::vector<LandmarkSet> with_depth = draw_faces(3, 30, 926, true);
             faces.insert(faces.end(), with_depth.begin(), with_depth.end());
-            const KnownIdentity identity = fitter.prepare_identity(fitter.fit(faces[0], centre).fit.shape_coefficients);
+            const KnownIdentity identity = fitter.freeze(fitter.fit(faces[0], centre).fit.shape_coefficients);
             JointWorkspace workspace = fitter.make_workspace();
             JointFitResult result;
             for (const LandmarkSet& face : faces) {
@@ -178,8 +178,8 @@ TEST(JointWorkspace, LeavesTheResultWhereInputIsRefused)
     faces[1].landmarks[7].point_px.x() = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(fitter.fit(faces[1], centre, workspace, result), InvalidArgument);
     expect_same(result, before);
-    EXPECT_THROW((void)fitter.prepare_identity(Eigen::VectorXd::Zero(61)), InvalidArgument);
-    EXPECT_THROW((void)fitter.prepare_identity(Eigen::VectorXd::Constant(2, NAN)), InvalidArgument);
+    EXPECT_THROW((void)fitter.freeze(Eigen::VectorXd::Zero(61)), InvalidArgument);
+    EXPECT_THROW((void)fitter.freeze(Eigen::VectorXd::Constant(2, NAN)), InvalidArgument);
     fitter.fit(faces[0], centre, workspace, result); // what was thrown has spoilt nothing
     expect_same(result, before);
 }
@@ -220,7 +220,7 @@ TEST(JointWorkspace, AllocatesNothingOnceItIsWarm)
                 options.expression_set = expression_set;
                 options.with_covariance = with_covariance;
                 const JointFitter fitter(test::face_model(), "ibug68", options, &kernels::dispatched_kernels());
-                const KnownIdentity identity = fitter.prepare_identity(Eigen::VectorXd::Constant(60, 0.3));
+                const KnownIdentity identity = fitter.freeze(Eigen::VectorXd::Constant(60, 0.3));
                 JointWorkspace workspace = fitter.make_workspace();
                 JointFitResult result;
                 int num_successes = 0;

@@ -46,6 +46,22 @@ TEST(EstimatePose, RecoversThePlantedCameraExactly)
     }
 }
 
+TEST(EstimatePose, LosesNothingToAFarPairThatDoesNotCount)
+{
+    Random random(13);
+    const Camera truth = test::random_camera(random, 60);
+    Eigen::Matrix3Xd points = random_points(random, 20);
+    Eigen::Matrix2Xd seen = project(truth, points);
+    points.col(0).setConstant(1e12);
+    seen.col(0).setConstant(-1e12);
+    Eigen::VectorXd weights = Eigen::VectorXd::Ones(20);
+    weights[0] = 0;
+    const PoseResult pose = estimate_pose(points, seen, weights, truth.principal_point_px);
+    ASSERT_EQ(pose.status, FitStatus::success) << pose.reason;
+    EXPECT_THAT(pose.camera.camera_from_model, IsNear(truth.camera_from_model, 1e-8));
+    EXPECT_NEAR(pose.camera.scale_px_per_mm, truth.scale_px_per_mm, 1e-8);
+}
+
 TEST(EstimatePose, ReturnsAProperRotation)
 {
     Random random(12);

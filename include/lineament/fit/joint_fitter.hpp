@@ -110,7 +110,7 @@ namespace detail {
 class JointFit;
 }
 
-/// A known identity with the points of its neutral face: made once by JointFitter::prepare_identity, good for any
+/// A known identity with the points of its neutral face: made once by JointFitter::freeze, good for any
 /// number of frames and threads, with that fitter only.
 class KnownIdentity
 {
@@ -201,7 +201,7 @@ public:
 
     /// The identity, ready for fit_pose_and_expression.
     /// @throws InvalidArgument on more coefficients than are fitted, or one that is not finite.
-    [[nodiscard]] KnownIdentity prepare_identity(const Eigen::VectorXd& shape_coefficients) const;
+    [[nodiscard]] KnownIdentity freeze(const Eigen::VectorXd& shape_coefficients) const;
 
     /// As fit_pose_and_expression above, likewise.
     void fit_pose_and_expression(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,

@@ -131,9 +131,9 @@ LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit(const LandmarkSet& landmark
     return result;
 }
 
-LINEAMENT_FIT_INLINE KnownIdentity JointFitter::prepare_identity(const Eigen::VectorXd& shape_coefficients) const
+LINEAMENT_FIT_INLINE KnownIdentity JointFitter::freeze(const Eigen::VectorXd& shape_coefficients) const
 {
-    const char* const function = "JointFitter::prepare_identity";
+    const char* const function = "JointFitter::freeze";
     require(shape_coefficients.size() <= num_shape_coefficients(), function, "shape_coefficients",
             "at most " + std::to_string(num_shape_coefficients()), std::to_string(shape_coefficients.size()));
     require_finite(shape_coefficients, function, "shape_coefficients");
@@ -163,8 +163,8 @@ LINEAMENT_FIT_INLINE JointFitResult JointFitter::fit_pose_and_expression(
 {
     JointWorkspace workspace = make_workspace();
     JointFitResult result;
-    fit_pose_and_expression(landmarks, principal_point_px, prepare_identity(shape_coefficients), workspace, result,
-                            start, covariances_px);
+    fit_pose_and_expression(landmarks, principal_point_px, freeze(shape_coefficients), workspace, result, start,
+                            covariances_px);
     return result;
 }
 
