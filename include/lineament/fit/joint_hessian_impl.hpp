@@ -206,7 +206,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
         }
     }
     const Eigen::Index num_alpha = is_before(num_shape());
-    if (prior_->matrix.size() == 0) {
+    if (has_standard_prior()) {
         system.hessian.diagonal().head(num_alpha).array() += 1;
     } else if (num_alpha == num_shape()) {
         system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_->matrix;

@@ -23,7 +23,7 @@ namespace lineament::detail {
 
 LINEAMENT_FIT_INLINE double JointProblem::prior_squares(const Eigen::VectorXd& alpha) const
 {
-    if (prior_->matrix.size() == 0) {
+    if (has_standard_prior()) {
         return (alpha - prior_->mean).squaredNorm();
     }
     const Eigen::VectorXd offset = alpha - prior_->mean;
@@ -32,7 +32,7 @@ LINEAMENT_FIT_INLINE double JointProblem::prior_squares(const Eigen::VectorXd& a
 
 LINEAMENT_FIT_INLINE Eigen::MatrixXd JointProblem::prior_of(const std::vector<int>& coefficients) const
 {
-    return prior_->matrix.size() == 0 ? Eigen::MatrixXd() : Eigen::MatrixXd(prior_->matrix(coefficients, coefficients));
+    return has_standard_prior() ? Eigen::MatrixXd() : Eigen::MatrixXd(prior_->matrix(coefficients, coefficients));
 }
 
 /// Expression and bias count at the scale s_0: how large they are in the image must not tell how large the image of the
@@ -237,7 +237,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, co
         system.gradient.segment(own_begin(f), num_expressions_) +=
             inverse_square(options_->expression_sigma) * state.psi[f];
     }
-    if (prior_->matrix.size() == 0) {
+    if (has_standard_prior()) {
         system.gradient.head(num_shape()) += state.alpha - prior_->vector;
     } else {
         system.gradient.head(num_shape()) += prior_->matrix * state.alpha - prior_->vector;
