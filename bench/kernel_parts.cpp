@@ -62,7 +62,7 @@ void add_gram(benchmark::State& state, const Kernels& kernels)
     std::fill_n(rows.data(), rows.size(), 1e-3f);
     AlignedBuffer<float> gram(width * width);
     for (auto _ : state) {
-        kernels.add_gram(rows.data(), num_contour_rows, width, gram.data());
+        kernels.add_gram(rows.data(), num_contour_rows, 0, width, width, gram.data());
         benchmark::DoNotOptimize(gram.data());
     }
 }

@@ -134,35 +134,38 @@ TEST_P(DoubleKernelsTest, AddsGramMatrixOfLowerTriangle)
 TEST_P(DoubleKernelsTest, FactorsAndSolves)
 {
     for (const int n : {1, 3, 4, 8, 15, 16, 47, 72}) {
-        const int num_more = 5; // further columns
-        const int width = round_up(n + num_more, double_step);
+        const int num_more = 5;               // further columns
+        const int begin = n % 2 == 1 ? 4 : 0; // what lies before counts for nothing
+        const int width = round_up(begin + n + num_more, double_step);
         const Eigen::MatrixXd rows = matrix_of(random_doubles(random, 2 * n * n), 2 * n, n);
         const Eigen::MatrixXd a = rows.transpose() * rows + Eigen::MatrixXd::Identity(n, n);
         const Eigen::MatrixXd more = matrix_of(random_doubles(random, n * num_more), n, num_more);
         const Eigen::MatrixXd expected = matrix_of(random_doubles(random, n * num_right_sides), n, num_right_sides);
         AlignedBuffer<double> system(n * width);
         Eigen::Map<RowMajor> in_place(system.data(), n, width);
-        in_place.leftCols(n) = a.triangularView<Eigen::Upper>();
-        in_place.triangularView<Eigen::StrictlyLower>().setConstant(std::numeric_limits<double>::quiet_NaN());
-        in_place.middleCols(n, num_more) = more;
+        auto in_columns = in_place.middleCols(begin, n);
+        in_place.leftCols(begin).setConstant(std::numeric_limits<double>::quiet_NaN());
+        in_columns = a.triangularView<Eigen::Upper>();
+        in_columns.triangularView<Eigen::StrictlyLower>().setConstant(std::numeric_limits<double>::quiet_NaN());
+        in_place.middleCols(begin + n, num_more) = more;
         AlignedBuffer<double> x(n * num_right_sides);
         Eigen::Map<RowMajor>(x.data(), n, num_right_sides) = a * expected;
         AlignedBuffer<double> inverse_diagonal(n);
-        const double pivot = kernels.factor_positive(system.data(), n, width, inverse_diagonal.data());
-        kernels.solve_factored(system.data(), n, width, inverse_diagonal.data(), x.data());
+        const double pivot = kernels.factor_positive(system.data(), n, begin, width, inverse_diagonal.data());
+        kernels.solve_factored(system.data() + begin, n, width, inverse_diagonal.data(), x.data());
 
-        const Eigen::MatrixXd u = Eigen::MatrixXd(in_place.leftCols(n).triangularView<Eigen::Upper>());
+        const Eigen::MatrixXd u = Eigen::MatrixXd(in_columns.triangularView<Eigen::Upper>());
         const Eigen::LLT<Eigen::MatrixXd> cholesky(a);
         EXPECT_THAT(u, IsNear(Eigen::MatrixXd(cholesky.matrixU()), 1e-12 * n)) << n;
         EXPECT_THAT(Eigen::VectorXd(Eigen::Map<Eigen::VectorXd>(inverse_diagonal.data(), n)),
                     IsNear(Eigen::VectorXd(u.diagonal().cwiseInverse()), 1e-12));
-        EXPECT_THAT(Eigen::MatrixXd(in_place.middleCols(n, num_more)),
+        EXPECT_THAT(Eigen::MatrixXd(in_place.middleCols(begin + n, num_more)),
                     IsNear(Eigen::MatrixXd(cholesky.matrixL().solve(more)), 1e-12 * n));
         EXPECT_THAT(matrix_of(x, n, num_right_sides), IsNear(expected, 1e-10)) << n;
         for (const int leading : {n, (n + 1) / 2}) {
             const int inverse_width = round_up(leading, double_step);
             AlignedBuffer<double> inverse = random_doubles(random, static_cast<std::size_t>(leading) * inverse_width);
-            kernels.invert_factor(system.data(), leading, width, inverse.data(), inverse_width);
+            kernels.invert_factor(system.data() + begin, leading, width, inverse.data(), inverse_width);
             const Eigen::MatrixXd all = matrix_of(inverse, leading, inverse_width);
             const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(leading, inverse_width);
             EXPECT_THAT(Eigen::MatrixXd(u.topLeftCorner(leading, leading).transpose() * all), IsNear(identity, 1e-11))
@@ -337,36 +340,47 @@ TEST(AlignedBuffer, CopiesAndMoves)
 
 TEST_P(DoubleKernelsTest, FactorsAndSolvesInSinglePrecision)
 {
-    for (const int n : {1, 3, 4, 16, 33, 72}) {
-        const int width = round_up(n, width_step);
+    for (const int n : {1, 3, 4, 16, 33, 72, 600}) {
+        const int begin = n % 2 == 1 ? 4 : 8; // what lies before counts for nothing
+        const int width = round_up(begin + n, width_step);
         const Eigen::MatrixXd rows = matrix_of(random_doubles(random, 2 * n * n), 2 * n, n);
         const Eigen::MatrixXd a = rows.transpose() * rows / n + Eigen::MatrixXd::Identity(n, n);
         const Eigen::MatrixXd expected = matrix_of(random_floats(random, n * num_right_sides), n, num_right_sides);
         using Floats = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
         AlignedBuffer<float> system(n * width), inverses(n), x(n * num_right_sides);
         Eigen::Map<Floats> in_place(system.data(), n, width);
-        in_place.leftCols(n) = a.cast<float>().triangularView<Eigen::Upper>();
-        in_place.leftCols(n).triangularView<Eigen::StrictlyLower>().setConstant(
-            std::numeric_limits<float>::quiet_NaN());
+        auto in_columns = in_place.middleCols(begin, n);
+        in_place.leftCols(begin).setConstant(std::numeric_limits<float>::quiet_NaN());
+        in_columns = a.cast<float>().triangularView<Eigen::Upper>();
+        in_columns.triangularView<Eigen::StrictlyLower>().setConstant(std::numeric_limits<float>::quiet_NaN());
+        AlignedBuffer<float> x_of_one(width);
+        std::fill_n(x_of_one.data(), width, 7.0f);
+        Eigen::Map<Eigen::VectorXf>(x_of_one.data() + begin, n) = (a * expected.col(0)).cast<float>();
         Eigen::Map<Floats>(x.data(), n, num_right_sides) = (a * expected).cast<float>();
         AlignedBuffer<float> lower(n * num_right_sides); // begins with zeros
         Eigen::Map<Floats>(lower.data(), n, num_right_sides).bottomRows((n + 1) / 2).setOnes();
         const Eigen::MatrixXd lower_right_side = matrix_of(lower, n, num_right_sides);
-        const float pivot = kernels.factor_positive_float(system.data(), n, width, inverses.data());
-        kernels.solve_lower_float(system.data(), n, width, inverses.data(), lower.data());
-        kernels.solve_factored_float(system.data(), n, width, inverses.data(), x.data());
-        const Eigen::MatrixXd u = in_place.leftCols(n).cast<double>().triangularView<Eigen::Upper>();
+        const float pivot = kernels.factor_positive_float(system.data(), n, begin, width, inverses.data());
+        kernels.solve_lower_float(system.data() + begin, n, width, inverses.data(), lower.data());
+        kernels.solve_factored_float(system.data() + begin, n, width, inverses.data(), x.data());
+        kernels.solve_for_one_float(system.data(), n, begin, width, inverses.data(), x_of_one.data());
+        const Eigen::MatrixXd u = in_columns.cast<double>().triangularView<Eigen::Upper>();
         EXPECT_THAT(u, IsNear(Eigen::MatrixXd(Eigen::LLT<Eigen::MatrixXd>(a).matrixU()), 1e-5)) << n;
         EXPECT_THAT(matrix_of(x, n, num_right_sides), IsNear(expected, 1e-4)) << n;
+        const Eigen::VectorXd of_one = matrix_of(x_of_one, width, 1);
+        EXPECT_THAT(Eigen::VectorXd(of_one.segment(begin, n)), IsNear(expected.col(0), 1e-4)) << n;
+        EXPECT_EQ(of_one.head(begin).norm() + of_one.tail(width - begin - n).norm(), 0) << n;
         EXPECT_THAT(Eigen::MatrixXd(u.transpose() * matrix_of(lower, n, num_right_sides)),
                     IsNear(lower_right_side, 1e-4))
             << n;
         EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-5);
         AlignedBuffer<float> inverse = random_floats(random, static_cast<std::size_t>(n) * width);
-        kernels.invert_factor_float(system.data(), n, width, inverse.data(), width);
+        kernels.invert_factor_float(system.data() + begin, n, width, inverse.data(), width);
         EXPECT_THAT(Eigen::MatrixXd(u.transpose() * matrix_of(inverse, n, width)),
                     IsNear(Eigen::MatrixXd(Eigen::MatrixXd::Identity(n, width)), 1e-4))
             << n;
+        const double squares = matrix_of(inverse, n, width).squaredNorm();
+        EXPECT_NEAR(kernels.sum_squares_float(inverse.data(), n * width), squares, 1e-5 * squares) << n;
     }
 }
 
@@ -379,12 +393,12 @@ TEST_P(DoubleKernelsTest, NotPositiveDefiniteIsTold)
             for (int i = 0; i < n; ++i) {
                 system[i * width + i] = i == bad ? -1 : 1;
             }
-            EXPECT_FALSE(kernels.factor_positive(system.data(), n, width, inverse_diagonal.data()) > 0)
+            EXPECT_FALSE(kernels.factor_positive(system.data(), n, 0, width, inverse_diagonal.data()) > 0)
                 << n << " " << bad;
             for (int i = 0; i < n; ++i) {
                 system[i * width + i] = i == bad ? std::numeric_limits<double>::quiet_NaN() : 1;
             }
-            EXPECT_FALSE(kernels.factor_positive(system.data(), n, width, inverse_diagonal.data()) > 0)
+            EXPECT_FALSE(kernels.factor_positive(system.data(), n, 0, width, inverse_diagonal.data()) > 0)
                 << n << " " << bad;
         }
     }

@@ -194,20 +194,21 @@ TEST_P(KernelsTest, AddsGramMatrixAndRows)
             const AlignedBuffer<float> rows = random_floats(random, num_rows * width);
             const AlignedBuffer<float> factors = random_floats(random, num_rows);
             AlignedBuffer<float> gram = random_floats(random, width * width);
-            AlignedBuffer<float> leading_gram(width * width);
-            std::copy_n(gram.data(), gram.size(), leading_gram.data());
-            const int num_columns = width - 11;
+            AlignedBuffer<float> part(width * width);
+            std::copy_n(gram.data(), gram.size(), part.data());
+            const int begin = 4, end = width - 5;
             AlignedBuffer<float> sums = random_floats(random, width);
             const Eigen::MatrixXd r = matrix_of(rows, num_rows, width);
             const Eigen::MatrixXd expected_gram = matrix_of(gram, width, width) + r.transpose() * r;
             const Eigen::MatrixXd expected_sums = matrix_of(sums, 1, width) + matrix_of(factors, 1, num_rows) * r;
-            kernels.add_gram(rows.data(), num_rows, width, gram.data());
-            kernels.add_leading_gram(rows.data(), num_rows, num_columns, width, leading_gram.data());
+            kernels.add_gram(rows.data(), num_rows, 0, width, width, gram.data());
+            kernels.add_gram(rows.data(), num_rows, begin, end, width, part.data());
             kernels.add_rows(rows.data(), num_rows, width, factors.data(), sums.data());
             EXPECT_LE(upper_difference(matrix_of(gram, width, width), expected_gram), 1e-4) << width << " " << num_rows;
-            Eigen::MatrixXd leading = matrix_of(leading_gram, width, width);
-            leading.bottomRows(width - num_columns) = expected_gram.bottomRows(width - num_columns);
-            EXPECT_LE(upper_difference(leading, expected_gram), 1e-4) << width << " " << num_rows;
+            Eigen::MatrixXd in_part = matrix_of(part, width, width);
+            in_part.topRows(begin) = expected_gram.topRows(begin);
+            in_part.bottomRows(width - end) = expected_gram.bottomRows(width - end);
+            EXPECT_LE(upper_difference(in_part, expected_gram), 1e-4) << width << " " << num_rows;
             EXPECT_LE(max_difference(matrix_of(sums, 1, width), expected_sums), 1e-4) << width << " " << num_rows;
         }
     }

@@ -49,7 +49,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_arrow(const JointState& state, Joint
         float* rows = set_rows(f, own_scale(f, state), others_of_image, alpha_begin, 0, width, system);
         float* gram = room_for(system.gram, alpha_begin * width);
         std::fill_n(gram, alpha_begin * width, 0.0f);
-        kernels->add_leading_gram(rows, 2 * static_cast<int>(images[f].used.size()), num_others, width, gram);
+        kernels->add_gram(rows, 2 * static_cast<int>(images[f].used.size()), 0, num_others, width, gram);
         if (num_phi > 0) {
             phi_squares += gram[0];
         }
@@ -84,7 +84,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_arrow(const JointState& state, Joint
                 ++num_kept;
             }
         }
-        kernels->add_gram(rows, num_kept, shape_width, shape_gram);
+        kernels->add_gram(rows, num_kept, 0, static_cast<int>(num_shape()), shape_width, shape_gram);
     }
     if (num_hidden > 0) {
         add_shape_gram_of_biases(system, shape_gram);
@@ -127,12 +127,8 @@ LINEAMENT_FIT_INLINE void JointProblem::set_arrow_of_biases(JointSystem& system)
     }
 }
 
-LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::complete_hessian_of_arrow(JointSystem& system) const
 {
-    if (!is_arrow() || system.has_hessian) {
-        return;
-    }
-    system.has_hessian = true;
     set_less_biases(system);
     const ArrowMatrix& arrow = system.arrow;
     const int num_shared = arrow.num_shared, num_hidden = arrow.num_hidden;
@@ -198,7 +194,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_less_biases(JointSystem& system) con
     }
     float* gram = room_for(system.gram, width * width);
     std::fill_n(gram, width * width, 0.0f);
-    kernels->add_gram(rows, num_hidden, width, gram);
+    kernels->add_gram(rows, num_hidden, 0, size, width, gram);
     for (int j = 0; j < size; ++j) {
         std::transform(gram + j * width + j, gram + j * width + size, system.hessian.data() + j * (size + 1),
                        [](float taken) { return -static_cast<double>(taken); });
@@ -242,7 +238,7 @@ LINEAMENT_FIT_INLINE void JointProblem::add_shape_gram_of_biases(JointSystem& sy
         kernels->add_turned_points(image.points.identity.data(), image.points.identity.width(),
                                    static_cast<int>(num_points), roots, system.targets.data(), rows, width);
     }
-    kernels->add_gram(rows, system.num_coupling_rows, width, gram);
+    kernels->add_gram(rows, system.num_coupling_rows, 0, static_cast<int>(num_shape()), width, gram);
 }
 
 } // namespace lineament::detail

@@ -33,6 +33,15 @@ LINEAMENT_FIT_INLINE std::vector<int> JointProblem::unknowns_of_image(std::size_
     return positions;
 }
 
+/// The upper triangle's rows are the lower one's columns.
+inline void set_lower(const UpperTriangle& upper, RoomyMatrix<Eigen::MatrixXd>& lower)
+{
+    lower.resize(upper.size, upper.size);
+    for (Eigen::Index j = 0; j < upper.size; ++j) {
+        std::copy_n(upper.row_from_diagonal(j), upper.size - j, lower.data() + j * (upper.size + 1));
+    }
+}
+
 /// J^T W J of some unknowns of one image, by their positions in [shared | own].
 LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
                                                  JointSystem& system, RoomyMatrix<Eigen::MatrixXd>& gram) const
@@ -40,11 +49,12 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_s
     const PointTerms& terms = system.terms[image];
     const Eigen::Index num_points = terms.residuals.rows();
     const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
-    gram.resize(size, size);
     if (kernels != nullptr) {
-        set_gram_by_kernels(image, own_scale, unknowns, system, gram);
+        set_upper_gram(image, own_scale, unknowns, system, system.upper);
+        set_lower(system.upper, gram);
         return;
     }
+    gram.resize(size, size);
     Eigen::MatrixXd rows(size, 2 * num_points);
     Eigen::MatrixX2d of_point;
     for (Eigen::Index point = 0; point < num_points; ++point) {
@@ -55,8 +65,10 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_s
     gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
 }
 
-/// The rows of J of an image in single precision, two a point, with all of alpha from one column on and some other
-/// unknowns from another on, both filled up with zeros to where the other or the row ends, a multiple of width_step.
+/// The rows of J of an image in single precision, two a point, with all of alpha from one column on, a multiple of
+/// double_step, and some other unknowns from another on. Behind alpha and behind the others there are zeros up to where
+/// the other begins, just behind or at a multiple of width_step, or where the row ends; before them the columns are not
+/// set.
 /// @param others  As positions in [shared | own].
 LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own_scale, std::span<const int> others,
                                                    int alpha_begin, int others_begin, int width,
@@ -77,8 +89,8 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
             jacobians[6 * i + k] = derivative[i];
         }
     }
-    const int alpha_end = alpha_begin < others_begin ? others_begin : width;
-    const int others_end = alpha_begin < others_begin ? width : alpha_begin;
+    const int alpha_end = alpha_begin <= others_begin ? others_begin : width;
+    const int others_end = alpha_begin <= others_begin ? width : alpha_begin;
     const auto clear_before = [&](int end) { // the last columns, some of which are set below
         for (int r = 0; r < num_rows; ++r) {
             std::fill_n(rows + r * width + end - kernels::width_step, kernels::width_step, 0.0f);
@@ -96,7 +108,8 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
     Eigen::Map<Eigen::ArrayXd>(jacobians, 6 * num_points) *= own_scale;
     const int num_psi = static_cast<int>(camera - own),
               first_psi = others_begin + static_cast<int>(own - others.begin());
-    if (num_psi == num_expressions_ && own == others.begin()) { // all at once, and zeros where the camera's will be
+    if (num_psi == num_expressions_ && own == others.begin() && first_psi + expression_width <= others_end) {
+        // All at once, and zeros where the camera's will be.
         kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, rows + first_psi,
                                 width);
     } else {
@@ -132,50 +145,67 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
 
 /// In single precision. What it leaves out changes the way of a step, not where the steps end: the gradient is kept in
 /// double precision.
-LINEAMENT_FIT_INLINE void JointProblem::set_gram_by_kernels(std::size_t image, double own_scale,
-                                                            const std::vector<int>& unknowns, JointSystem& system,
-                                                            RoomyMatrix<Eigen::MatrixXd>& gram) const
+LINEAMENT_FIT_INLINE void JointProblem::set_upper_gram(std::size_t image, double own_scale,
+                                                       std::span<const int> unknowns, JointSystem& system,
+                                                       UpperTriangle& gram) const
 {
     const int num_rows = 2 * static_cast<int>(system.terms[image].residuals.rows());
-    const int shape_width = images[image].points.identity.width();
-    const int size = static_cast<int>(unknowns.size()), shape_size = static_cast<int>(num_shape());
-    const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), shape_size);
-    const int num_alpha = static_cast<int>(others - unknowns.begin());
-    std::vector<int>& of_columns = system.of_columns; // from shape_width on
-    std::vector<int>& columns = system.columns;       // of the unknowns other than alpha
-    of_columns.assign(others, unknowns.end());
-    columns.resize(of_columns.size());
-    std::iota(columns.begin(), columns.end(), shape_width);
-    const bool has_phi_column = !of_columns.empty() && of_columns.front() < num_shared();
-    if (!has_phi_column && num_expressions_ <= kernels::double_step) { // so few are not worth choosing from
-        std::transform(others, unknowns.end(), columns.begin(),
-                       [&](int unknown) { return shape_width + unknown - static_cast<int>(num_shared()); });
-        of_columns.resize(static_cast<std::size_t>(num_own()));
-        std::iota(of_columns.begin(), of_columns.end(), static_cast<int>(num_shared()));
+    const int num_alpha = static_cast<int>(num_shape());
+    const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), num_alpha);
+    const std::size_t num_free_alpha = static_cast<std::size_t>(others - unknowns.begin());
+    gram.set_zero(num_alpha + (unknowns.end() - others));
+    const int width = gram.width(), begin = gram.begin(), end = begin + static_cast<int>(gram.size);
+    const float* rows =
+        set_rows(image, own_scale, unknowns.subspan(num_free_alpha), begin, begin + num_alpha, width, system);
+    kernels->add_gram(rows, num_rows, begin, end, width, gram.rows.data());
+    if (num_free_alpha == static_cast<std::size_t>(num_alpha)) {
+        return;
     }
-    const int num_others = static_cast<int>(of_columns.size());
-    const int width = kernels::round_up(shape_width + num_others, kernels::width_step);
-    const float* rows = set_rows(image, own_scale, of_columns, 0, shape_width, width, system);
-    float* sums = room_for(system.gram, static_cast<Eigen::Index>(width) * width);
-    std::fill_n(sums, width * width, 0.0f);
-    kernels->add_leading_gram(rows, num_rows, shape_width + num_others, width, sums);
+    UpperTriangle& with_held = system.with_held;
+    std::swap(gram, with_held);
+    gram.set_zero(static_cast<Eigen::Index>(unknowns.size()));
+    const auto position_of = [&](std::size_t i) {
+        return i < num_free_alpha ? unknowns[i] : num_alpha + static_cast<int>(i - num_free_alpha);
+    };
+    for (std::size_t j = 0; j < unknowns.size(); ++j) {
+        const int row = position_of(j);
+        for (std::size_t i = j; i < unknowns.size(); ++i) {
+            gram.row_from_diagonal(static_cast<Eigen::Index>(j))[i - j] =
+                with_held.row_from_diagonal(row)[position_of(i) - row];
+        }
+    }
+}
 
-    // The upper triangle's rows are the lower one's columns.
-    for (int j = 0; j < size; ++j) {
-        const int column =
-            j < num_alpha ? unknowns[static_cast<std::size_t>(j)] : columns[static_cast<std::size_t>(j - num_alpha)];
-        const float* row = sums + width * column;
-        double* to = gram.data() + j * size;
-        if (num_alpha == shape_size && j < num_alpha) {
-            std::copy(row + j, row + num_alpha, to + j);
-        }
-        for (int i = j; i < num_alpha && num_alpha < shape_size; ++i) { // some are held
-            to[i] = row[unknowns[static_cast<std::size_t>(i)]];
-        }
-        for (int i = std::max(j - num_alpha, 0); i < size - num_alpha; ++i) {
-            to[num_alpha + i] = row[columns[static_cast<std::size_t>(i)]];
+LINEAMENT_FIT_INLINE void JointProblem::set_upper(const JointState& state, JointSystem& system) const
+{
+    const std::vector<int>& unknowns = system.unknowns;
+    set_upper_gram(0, own_scale(0, state), unknowns, system, system.upper);
+    system.has_hessian = false;
+    const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), static_cast<int>(num_shape()));
+    for (auto i = unknowns.begin(); i != unknowns.end(); ++i) {
+        float* from_diagonal = system.upper.row_from_diagonal(i - unknowns.begin());
+        if (i >= others) {
+            *from_diagonal += static_cast<float>(prior_of_other(*i));
+        } else if (has_standard_prior()) {
+            *from_diagonal += 1;
+        } else {
+            std::transform(i, others, from_diagonal, from_diagonal,
+                           [&](int other, float sum) { return sum + static_cast<float>(prior_->matrix(other, *i)); });
         }
     }
+}
+
+LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(JointSystem& system) const
+{
+    if (system.has_hessian) {
+        return;
+    }
+    system.has_hessian = true;
+    if (is_arrow()) {
+        complete_hessian_of_arrow(system);
+        return;
+    }
+    set_lower(system.upper, system.hessian);
 }
 
 /// The matrix of system.unknowns, biases eliminated.
@@ -186,6 +216,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
         complete_hessian(system);
         return;
     }
+    system.has_hessian = true;
     const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
     const auto is_before = [&](Eigen::Index end) {
         return std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(end)) -
@@ -215,11 +246,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
         system.hessian.topLeftCorner(num_alpha, num_alpha) += prior_->matrix(alpha, alpha);
     }
     for (Eigen::Index i = num_alpha; i < size; ++i) {
-        if (system.unknowns[i] < num_shared()) {
-            system.hessian(i, i) += inverse_square(*options_->phi_sigma_per_mm);
-        } else if (!is_camera(system.unknowns[i])) {
-            system.hessian(i, i) += inverse_square(options_->expression_sigma);
-        }
+        system.hessian(i, i) += prior_of_other(system.unknowns[static_cast<std::size_t>(i)]);
     }
     if (state.bias.size() > 0) {
         eliminate_bias_hessian(system);

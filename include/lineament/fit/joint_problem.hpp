@@ -92,7 +92,8 @@ struct JointSystem
     std::vector<int> unknowns = {};            ///< Those that the matrix is of, n of K, ascending.
     RoomyMatrix<Eigen::MatrixXd> hessian = {}; ///< n x n, lower triangle.
     ArrowMatrix arrow = {};                    ///< The same with the biases, hidden, where the problem is_arrow().
-    bool has_hessian = false;                  ///< Or the arrow alone.
+    UpperTriangle upper = {};                  ///< The same, where it is not.
+    bool has_hessian = false;                  ///< Or by kernels the arrow or the upper triangle alone.
     Eigen::VectorXd gradient = {};             ///< K.
     Eigen::VectorXd down = {}; ///< K, how far each unknown may go; of the state that the gradient is of.
     Eigen::VectorXd up = {};
@@ -109,7 +110,8 @@ struct JointSystem
 
     // Kept for their room:
     std::vector<PointTerms> terms = {}; ///< Of each image.
-    std::vector<int> free = {}, columns = {}, of_columns = {};
+    std::vector<int> free = {};
+    UpperTriangle with_held = {};
     AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {}, shape_gram = {};
     AlignedBuffer<double> factors = {}, sums = {};
     std::vector<int> targets = {};
@@ -186,7 +188,7 @@ public:
     /// the system's room.
     void find_free_unknowns(const JointState& state, JointSystem& system, std::vector<int>& free) const;
 
-    /// With the matrix of those; the arrow alone where the problem is_arrow().
+    /// With the matrix of those, by kernels as an arrow or an upper triangle.
     void linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
     /// Of several images or with biases, by kernels.
@@ -195,7 +197,7 @@ public:
         return kernels != nullptr && (images.size() > 1 || bias_variances_mm.size() > 0);
     }
 
-    /// Sets the system's matrix from its arrow, if that is all there is.
+    /// Sets the system's matrix from what kernels left, if that is all there is.
     void complete_hessian(JointSystem& system) const;
 
     /// The gradient alone anew; what has been eliminated with the biases stays. False where unknowns are free that the
@@ -230,6 +232,14 @@ public:
 private:
     [[nodiscard]] bool has_phi() const { return options_->phi_sigma_per_mm.has_value(); }
     [[nodiscard]] double prior_energy(const JointState& state) const;
+    /// The prior's matrix has this on its diagonal, of an unknown other than alpha.
+    [[nodiscard]] double prior_of_other(Eigen::Index unknown) const
+    {
+        if (unknown < num_shared()) {
+            return inverse_square(*options_->phi_sigma_per_mm);
+        }
+        return is_camera(unknown) ? 0.0 : inverse_square(options_->expression_sigma);
+    }
     void place_image(std::size_t image, const JointState& state, PlacedPoints& placed) const;
     void set_residuals(std::size_t image, const JointState& state, PlacedPoints& placed) const;
     [[nodiscard]] double own_scale(std::size_t image, const JointState& state) const
@@ -259,11 +269,13 @@ private:
     void eliminate_bias_hessian(JointSystem& system) const;
     void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
                   RoomyMatrix<Eigen::MatrixXd>& gram) const;
-    void set_gram_by_kernels(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
-                             RoomyMatrix<Eigen::MatrixXd>& gram) const;
+    void set_upper_gram(std::size_t image, double own_scale, std::span<const int> unknowns, JointSystem& system,
+                        UpperTriangle& gram) const;
     float* set_rows(std::size_t image, double own_scale, std::span<const int> others, int alpha_begin, int others_begin,
                     int width, JointSystem& system) const;
+    void set_upper(const JointState& state, JointSystem& system) const;
     void set_arrow(const JointState& state, JointSystem& system) const;
+    void complete_hessian_of_arrow(JointSystem& system) const;
     void set_arrow_of_biases(JointSystem& system) const;
     void set_less_biases(JointSystem& system) const;
     void add_shape_gram_of_biases(JointSystem& system, float* gram) const;

@@ -357,6 +357,8 @@ LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, 
     find_free_unknowns(state, system, system.unknowns);
     if (is_arrow()) {
         set_arrow(state, system);
+    } else if (kernels != nullptr) {
+        set_upper(state, system);
     } else {
         set_hessian(state, system);
     }

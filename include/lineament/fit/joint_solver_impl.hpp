@@ -157,10 +157,13 @@ inline void set_scale_strength(JointProblem& problem, std::size_t image, double 
     scale_strength = strength;
 }
 
-/// Image by image where that takes less, unless the matrix is not positive definite to single precision.
+/// In single precision where there are kernels, image by image where that takes less, unless the matrix is not positive
+/// definite to that.
 inline void factor_system(const JointProblem& problem, JointSystem& system, double damping, PositiveFactor& factor)
 {
-    if (!(problem.is_arrow() && system.arrow.is_sparse() && factor.factor(system.arrow, damping))) {
+    const bool is_factored = problem.is_arrow() ? system.arrow.is_sparse() && factor.factor(system.arrow, damping)
+                                                : !system.has_hessian && factor.factor(system.upper, damping);
+    if (!is_factored) {
         problem.complete_hessian(system);
         factor.factor(system.hessian, damping);
     }

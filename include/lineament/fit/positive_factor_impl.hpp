@@ -14,6 +14,30 @@
 
 namespace lineament::detail {
 
+/// The upper triangle of a symmetric matrix in single precision, row by row. It ends, filled up with zeros to a
+/// multiple of 8, where rows of the kernels end, so that few vectors reach beyond it: its first row and column are
+/// `begin`.
+struct UpperTriangle
+{
+    Eigen::Index size = 0;
+    AlignedBuffer<float> rows = {}; ///< width x width.
+
+    [[nodiscard]] int width() const { return kernels::round_up(static_cast<int>(size), kernels::width_step); }
+    [[nodiscard]] int begin() const { return width() - kernels::round_up(static_cast<int>(size), 8); }
+    [[nodiscard]] const float* row_from_diagonal(Eigen::Index i) const
+    {
+        return rows.data() + (begin() + i) * (width() + 1);
+    }
+    [[nodiscard]] float* row_from_diagonal(Eigen::Index i) { return rows.data() + (begin() + i) * (width() + 1); }
+
+    void set_zero(Eigen::Index num_unknowns)
+    {
+        size = num_unknowns;
+        const int count = width() * width();
+        std::fill_n(room_for(rows, count), count, 0.0f);
+    }
+};
+
 /// Cholesky's factor U of a positive definite matrix, A = U^T U, and what is solved with it: by kernels, where there
 /// are any, or by Eigen. Buffers are kept from one matrix to the next.
 class PositiveFactor
@@ -42,14 +66,30 @@ public:
             return;
         }
         width_ = kernels::round_up(static_cast<int>(size_), kernels::width_step);
-        float* system = set_upper(matrix, damping, single_);
-        is_single_ = kernels_->factor_positive_float(system, static_cast<int>(size_), width_,
-                                                     room_for(single_inverses_, size_)) > least_pivot;
-        if (!is_single_) {
+        begin_ = 0;
+        set_upper(matrix, damping, single_);
+        if (!factor_single()) {
             width_ = kernels::round_up(static_cast<int>(size_), kernels::double_step);
             set_upper(matrix, damping, double_);
             factor_double();
         }
+    }
+
+    /// By kernels in single precision.
+    /// @return False where it is not positive definite to that.
+    [[nodiscard]] bool factor(const UpperTriangle& matrix, double damping)
+    {
+        size_ = matrix.size;
+        is_arrow_ = false;
+        width_ = matrix.width();
+        begin_ = matrix.begin();
+        const int n = static_cast<int>(size_);
+        float* system = room_for(single_, size_ * width_);
+        std::copy_n(matrix.rows.data() + begin_ * width_, size_ * width_, system);
+        for (int i = 0; i < n && damping > 0; ++i) {
+            system[i * (width_ + 1) + begin_] *= static_cast<float>(1 + damping);
+        }
+        return factor_single();
     }
 
     /// By kernels in single precision, of the matrix of [shared | own of each image] that eliminating the hidden
@@ -69,10 +109,18 @@ public:
             columns = arrow_.solve(columns);
         } else if (kernels_ == nullptr) {
             cholesky_.solveInPlace(columns);
+        } else if (is_single_ && columns.cols() == 1) {
+            float* x = room_for(single_solved_, width_);
+            std::fill_n(x, width_, 0.0f);
+            std::copy_n(columns.data(), size_, x + begin_);
+            kernels_->solve_for_one_float(single_.data(), static_cast<int>(size_), begin_, width_,
+                                          single_inverses_.data(), x);
+            std::copy_n(x + begin_, size_, columns.data());
         } else if (is_single_) {
-            solve_by(kernels_->solve_factored_float, single_, single_inverses_, columns, single_solved_);
+            solve_by(kernels_->solve_factored_float, single_.data() + begin_, single_inverses_, columns,
+                     single_solved_);
         } else {
-            solve_by(kernels_->solve_factored, double_, inverses_, columns, solved_);
+            solve_by(kernels_->solve_factored, double_.data(), inverses_, columns, solved_);
         }
     }
 
@@ -86,7 +134,7 @@ public:
         arrow_.set_halves(unknowns, width, halves.data());
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, width * width), width, width);
         gram.setZero();
-        kernels_->add_gram(halves.data(), num_rows, width, gram.data());
+        kernels_->add_gram(halves.data(), num_rows, 0, static_cast<int>(count), width, gram.data());
         return gram.topLeftCorner(count, count)
             .template selfadjointView<Eigen::Upper>()
             .toDenseMatrix()
@@ -154,7 +202,8 @@ public:
             return sum;
         };
         if (kernels_ != nullptr && is_single_) {
-            return trace(set_root(n, single_.data(), single_root_, kernels_->invert_factor_float));
+            const auto root = set_root(n, single_.data() + begin_, single_root_, kernels_->invert_factor_float);
+            return weights.size() > 0 ? trace(root) : leading_squares(root, count);
         }
         return trace(inverse_root(n));
     }
@@ -168,12 +217,12 @@ public:
         if (kernels_ == nullptr || !is_single_) {
             return inverse(n).leftCols(count);
         }
-        const auto root = set_root(n, single_.data(), single_root_, kernels_->invert_factor_float);
+        const auto root = set_root(n, single_.data() + begin_, single_root_, kernels_->invert_factor_float);
         const int width = static_cast<int>(root.outerStride());
         const int num_rows = kernels::round_up(static_cast<int>(count), 4);
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, num_rows * width), num_rows, width);
         gram.setZero();
-        kernels_->add_leading_gram(root.data(), static_cast<int>(n), static_cast<int>(count), width, gram.data());
+        kernels_->add_gram(root.data(), static_cast<int>(n), 0, static_cast<int>(count), width, gram.data());
         Eigen::MatrixXd columns = gram.topLeftCorner(count, n).transpose().template cast<double>();
         columns.topRows(count).triangularView<Eigen::StrictlyUpper>() = columns.topRows(count).transpose();
         return columns;
@@ -227,19 +276,35 @@ private:
         return system.data();
     }
 
+    /// Of what `single_` holds.
+    [[nodiscard]] bool factor_single()
+    {
+        is_single_ = kernels_->factor_positive_float(single_.data(), static_cast<int>(size_), begin_, width_,
+                                                     room_for(single_inverses_, size_)) > least_pivot;
+        return is_single_;
+    }
+
+    /// The squares of the leading columns of what set_root has set.
+    [[nodiscard]] double leading_squares(const Rows<float>& root, Eigen::Index count) const
+    {
+        const double all = kernels_->sum_squares_float(root.data(), static_cast<int>(root.rows() * root.outerStride()));
+        const Eigen::Index num_others = root.cols() - count;
+        return all - static_cast<double>(root.bottomRightCorner(num_others, num_others).squaredNorm());
+    }
+
     /// Of what `double_` holds.
     void factor_double()
     {
         is_single_ = false;
-        if (!(kernels_->factor_positive(double_.data(), static_cast<int>(size_), width_, room_for(inverses_, size_)) >
-              0)) {
+        if (!(kernels_->factor_positive(double_.data(), static_cast<int>(size_), 0, width_,
+                                        room_for(inverses_, size_)) > 0)) {
             std::fill_n(double_.data(), size_ * width_, std::numeric_limits<double>::quiet_NaN());
             std::fill_n(inverses_.data(), size_, std::numeric_limits<double>::quiet_NaN());
         }
     }
 
     template <typename T, typename Solve>
-    void solve_by(Solve solve_factored, const AlignedBuffer<T>& system, const AlignedBuffer<T>& inverses,
+    void solve_by(Solve solve_factored, const T* system, const AlignedBuffer<T>& inverses,
                   Eigen::Ref<Eigen::MatrixXd> columns, AlignedBuffer<T>& solved)
     {
         using SideBySide = Eigen::Matrix<T, Eigen::Dynamic, kernels::num_right_sides, Eigen::RowMajor>;
@@ -248,7 +313,7 @@ private:
             const Eigen::Index count = std::min<Eigen::Index>(columns.cols() - begin, kernels::num_right_sides);
             x.setZero();
             x.leftCols(count) = columns.middleCols(begin, count).template cast<T>();
-            solve_factored(system.data(), static_cast<int>(size_), width_, inverses.data(), x.data());
+            solve_factored(system, static_cast<int>(size_), width_, inverses.data(), x.data());
             columns.middleCols(begin, count) = x.leftCols(count).template cast<double>();
         }
     }
@@ -272,7 +337,8 @@ private:
         Rows<double> root(room_for(root_, n * width), n, n, Eigen::OuterStride<>(width));
         if (kernels_ != nullptr) {
             Rows<double>(root.data(), n, width, Eigen::OuterStride<>(width)).setZero();
-            root = set_root(n, single_.data(), single_root_, kernels_->invert_factor_float).template cast<double>();
+            root = set_root(n, single_.data() + begin_, single_root_, kernels_->invert_factor_float)
+                       .template cast<double>();
         } else if (n > 0) {
             root = cholesky_.matrixLLT().topLeftCorner(n, n).triangularView<Eigen::Lower>().solve(
                 Eigen::MatrixXd::Identity(n, n));
@@ -283,6 +349,7 @@ private:
     const kernels::Kernels* kernels_;
     Eigen::Index size_ = 0;
     int width_ = 0;
+    int begin_ = 0;         ///< The first column in `single_`.
     bool is_arrow_ = false; ///< What is solved is by `arrow_`.
     ArrowFactor arrow_ = {};
     bool is_single_ = false;            ///< U is in `single_`.

@@ -189,7 +189,7 @@ inline void RealtimeFramesFit::add_rows_of(const PointRows& rows, int index, con
 
 inline void RealtimeFramesFit::flush_rows()
 {
-    kernels_.add_gram(work_.rows.data(), num_rows_, pack_.shape_width, work_.system.data());
+    kernels_.add_gram(work_.rows.data(), num_rows_, 0, pack_.shape_width, pack_.shape_width, work_.system.data());
     num_rows_ = 0;
 }
 

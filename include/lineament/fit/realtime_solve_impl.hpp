@@ -59,11 +59,11 @@ inline void RealtimeFit::add_normal_matrix(const AlignedBuffer<float>& grams, co
         kernels_.project_rows((is_identity ? fixed_rows.identity : fixed_rows.expression).data(), width,
                               work_.present.data(), frame_.num_fixed_seen, jacobian.data(), work_.roots.data(),
                               work_.rows.data());
-        kernels_.add_leading_gram(work_.rows.data(), 2 * frame_.num_fixed_seen, num_columns, width, gram.data());
+        kernels_.add_gram(work_.rows.data(), 2 * frame_.num_fixed_seen, 0, num_columns, width, gram.data());
     }
     kernels_.project_rows(contour_rows.data(), width, frame_.match_rows.data(), num_matches(), jacobian.data(),
                           frame_.match_roots.data(), work_.rows.data());
-    kernels_.add_leading_gram(work_.rows.data(), 2 * num_matches(), num_columns, width, gram.data());
+    kernels_.add_gram(work_.rows.data(), 2 * num_matches(), 0, num_columns, width, gram.data());
 }
 
 /// Adds the prior to the normal equations in work.system and work.right_side and takes their step from work.alpha.

@@ -137,8 +137,8 @@ inline void project_points(const float* point_rows, int width, int num_points, c
             const auto x = hn::Load(d, point_rows + c);
             const auto y = hn::Load(d, point_rows + width + c);
             const auto z = hn::Load(d, point_rows + 2 * width + c);
-            hn::Store(hn::MulAdd(uz, z, hn::MulAdd(uy, y, hn::Mul(ux, x))), d, out + c);
-            hn::Store(hn::MulAdd(vz, z, hn::MulAdd(vy, y, hn::Mul(vx, x))), d, out + out_width + c);
+            hn::StoreU(hn::MulAdd(uz, z, hn::MulAdd(uy, y, hn::Mul(ux, x))), d, out + c);
+            hn::StoreU(hn::MulAdd(vz, z, hn::MulAdd(vy, y, hn::Mul(vx, x))), d, out + out_width + c);
         }
     }
 }

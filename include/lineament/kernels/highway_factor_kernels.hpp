@@ -3,7 +3,8 @@
 //
 // Cholesky's factor of a positive definite matrix, its inverse, and what is solved with it, in either precision, on
 // Highway's portable vectors; part of highway_kernels.hpp.
-#include "lineament/kernels/kernels.hpp"
+#include "lineament/kernels/highway_product_sums.hpp" // before the guard: its sums are used
+#include "lineament/kernels/scalar_kernels.hpp"
 
 #ifdef LINEAMENT_USE_HIGHWAY
 
@@ -25,97 +26,45 @@ namespace lineament::kernels::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Vectors of up to 64 bytes.
-template <class T>
-using FullTag = hn::CappedTag<T, 64 / sizeof(T)>;
-template <class T>
-inline constexpr int full_lanes = static_cast<int>(hn::MaxLanes(FullTag<T>()));
-
-/// Sums of four rows and `num_vectors` vectors of columns, changed by products of factors with rows.
-template <class T, int num_vectors>
-struct Block
-{
-    using Tag = FullTag<T>;
-    static constexpr int lanes = full_lanes<T>;
-    hn::Vec<Tag> sums[4][num_vectors];
-
-    HWY_INLINE void load(const T* from, int width)
-    {
-        for (int q = 0; q < 4; ++q) {
-            for (int v = 0; v < num_vectors; ++v) {
-                sums[q][v] = hn::Load(Tag(), from + q * width + v * lanes);
-            }
-        }
-    }
-    HWY_INLINE void store(T* to, int width) const
-    {
-        for (int q = 0; q < 4; ++q) {
-            for (int v = 0; v < num_vectors; ++v) {
-                hn::Store(sums[q][v], Tag(), to + q * width + v * lanes);
-            }
-        }
-    }
-    HWY_INLINE void add(const T* factors, const T* row)
-    {
-        for (int v = 0; v < num_vectors; ++v) {
-            const hn::Vec<Tag> value = hn::Load(Tag(), row + v * lanes);
-            for (int q = 0; q < 4; ++q) {
-                sums[q][v] = hn::MulAdd(hn::Set(Tag(), factors[q]), value, sums[q][v]);
-            }
-        }
-    }
-    HWY_INLINE void subtract(const T* factors, const T* row)
-    {
-        for (int v = 0; v < num_vectors; ++v) {
-            const hn::Vec<Tag> value = hn::Load(Tag(), row + v * lanes);
-            for (int q = 0; q < 4; ++q) {
-                sums[q][v] = hn::NegMulAdd(hn::Set(Tag(), factors[q]), value, sums[q][v]);
-            }
-        }
-    }
-};
-
-template <int num_vectors>
-HWY_INLINE void add_lower_gram_block(const double* lower, int n, int width, int i, int c, double* gram)
-{
-    Block<double, num_vectors> block;
-    block.load(gram + i * width + c, width);
-    lower += c * width; // the rows before are 0 there
-    for (int r = c; r < n; ++r, lower += width) {
-        block.add(lower + i, lower + c);
-    }
-    block.store(gram + i * width + c, width);
-}
-
+/// L's rows before a column are 0 there.
 inline void add_lower_gram(const double* lower, int n, int width, double* gram)
 {
+    constexpr int step = full_lanes<double>;
     for (int i = 0; i < width; i += 4) {
-        int c = i / full_lanes<double> * full_lanes<double>;
-        for (; c + 2 * full_lanes<double> <= width; c += 2 * full_lanes<double>) {
-            add_lower_gram_block<2>(lower, n, width, i, c, gram);
-        }
-        if (c < width) {
-            add_lower_gram_block<1>(lower, n, width, i, c, gram);
+        for (int c = i / step * step; c < width && c < n; c += 2 * step) {
+            const double* rows = lower + c * width;
+            double* target = gram + i * width + c;
+            if (c + 2 * step <= width) {
+                add_products<2, Sign::plus>(rows + c, rows + i, n - c, width, width, target);
+            } else {
+                add_products<1, Sign::plus>(rows + c, rows + i, n - c, width, width, target);
+            }
         }
     }
 }
 
-/// Rows i..i+3 of a system, some columns, less their products with the i rows above.
-template <class T, int num_vectors>
-HWY_INLINE void subtract_above(T* system, int width, int i, int c)
+inline float sum_squares(const float* numbers, int count)
 {
-    Block<T, num_vectors> block;
-    block.load(system + i * width + c, width);
-    const T* above = system;
-    for (int k = 0; k < i; ++k, above += width) {
-        block.subtract(above + i, above + c);
+    const FullTag<float> d;
+    constexpr int step = full_lanes<float>;
+    hn::Vec<FullTag<float>> sums[4] = {hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+    int i = 0;
+    for (; i + 4 * step <= count; i += 4 * step) {
+        for (int q = 0; q < 4; ++q) {
+            const auto value = hn::Load(d, numbers + i + q * step);
+            sums[q] = hn::MulAdd(value, value, sums[q]);
+        }
     }
-    block.store(system + i * width + c, width);
+    for (; i < count; i += step) {
+        const auto value = hn::Load(d, numbers + i);
+        sums[0] = hn::MulAdd(value, value, sums[0]);
+    }
+    return hn::GetLane(hn::SumOfLanes(d, hn::Add(hn::Add(sums[0], sums[1]), hn::Add(sums[2], sums[3]))));
 }
 
 /// U row by row in blocks of four.
 template <class T>
-T factor_positive(T* system, int n, int width, T* inverse_diagonal)
+T factor_positive(T* system, int n, int begin, int width, T* inverse_diagonal)
 {
     const FullTag<T> d;
     using Numbers = hn::Vec<FullTag<T>>;
@@ -127,67 +76,65 @@ T factor_positive(T* system, int n, int width, T* inverse_diagonal)
         T* r1 = r0 + width;
         T* r2 = r1 + width;
         T* r3 = r2 + width;
-        const T diagonal[4] = {r0[i], r1[i + 1], r2[i + 2], r3[i + 3]};
-        int c = i / step * step;
-        for (; c + 2 * step <= width; c += 2 * step) {
-            subtract_above<T, 2>(system, width, i, c);
-        }
-        if (c < width) {
-            subtract_above<T, 1>(system, width, i, c);
-        }
+        const int at = begin + i;
+        const T diagonal[4] = {r0[at], r1[at + 1], r2[at + 2], r3[at + 3]};
+        const int first = at / step * step;
+        add_products_from<Sign::minus>(first, system, system + at, i, width, width, r0);
 
-        // The block's own triangle, then its rows.
-        const T d0 = r0[i];
-        const T s0 = 1 / std::sqrt(d0);
-        const T u01 = s0 * r0[i + 1], u02 = s0 * r0[i + 2], u03 = s0 * r0[i + 3];
-        const T d1 = r1[i + 1] - u01 * u01;
-        const T s1 = 1 / std::sqrt(d1);
-        const T u12 = s1 * (r1[i + 2] - u01 * u02), u13 = s1 * (r1[i + 3] - u01 * u03);
-        const T d2 = r2[i + 2] - u02 * u02 - u12 * u12;
-        const T s2 = 1 / std::sqrt(d2);
-        const T u23 = s2 * (r2[i + 3] - u02 * u03 - u12 * u13);
-        const T d3 = r3[i + 3] - u03 * u03 - u13 * u13 - u23 * u23;
-        const T s3 = 1 / std::sqrt(d3);
+        // The block's own triangle, D^-1 first: the only long chain is one division a row. Then its rows.
+        const T d0 = r0[at];
+        const T i0 = 1 / d0;
+        const T f01 = r0[at + 1] * i0, f02 = r0[at + 2] * i0, f03 = r0[at + 3] * i0;
+        const T d1 = r1[at + 1] - f01 * r0[at + 1];
+        const T i1 = 1 / d1;
+        const T w12 = r1[at + 2] - f01 * r0[at + 2], w13 = r1[at + 3] - f01 * r0[at + 3];
+        const T f12 = w12 * i1, f13 = w13 * i1;
+        const T d2 = r2[at + 2] - f02 * r0[at + 2] - f12 * w12;
+        const T i2 = 1 / d2;
+        const T w23 = r2[at + 3] - f02 * r0[at + 3] - f12 * w13;
+        const T f23 = w23 * i2;
+        const T d3 = r3[at + 3] - f03 * r0[at + 3] - f13 * w13 - f23 * w23;
         if (!(d0 > 0 && d1 > 0 && d2 > 0 && d3 > 0)) {
             return 0;
         }
+        const T s0 = std::sqrt(i0), s1 = std::sqrt(i1), s2 = std::sqrt(i2), s3 = std::sqrt(1 / d3);
         const T pivots[4] = {d0, d1, d2, d3};
         const T inverses[4] = {s0, s1, s2, s3};
         for (int q = 0; q < 4; ++q) {
             inverse_diagonal[i + q] = inverses[q];
             least = std::min(least, pivots[q] / diagonal[q]);
         }
-        for (c = i / step * step; c < width; c += step) {
-            const Numbers a = hn::Mul(hn::Set(d, s0), hn::Load(d, r0 + c));
-            const Numbers b = hn::Mul(hn::Set(d, s1), hn::NegMulAdd(hn::Set(d, u01), a, hn::Load(d, r1 + c)));
-            const Numbers e =
-                hn::Mul(hn::Set(d, s2),
-                        hn::NegMulAdd(hn::Set(d, u12), b, hn::NegMulAdd(hn::Set(d, u02), a, hn::Load(d, r2 + c))));
-            const Numbers f = hn::NegMulAdd(hn::Set(d, u13), b, hn::NegMulAdd(hn::Set(d, u03), a, hn::Load(d, r3 + c)));
-            hn::Store(a, d, r0 + c);
-            hn::Store(b, d, r1 + c);
-            hn::Store(e, d, r2 + c);
-            hn::Store(hn::Mul(hn::Set(d, s3), hn::NegMulAdd(hn::Set(d, u23), e, f)), d, r3 + c);
+        const Numbers v01 = hn::Set(d, f01), v02 = hn::Set(d, f02), v03 = hn::Set(d, f03);
+        const Numbers v12 = hn::Set(d, f12), v13 = hn::Set(d, f13), v23 = hn::Set(d, f23);
+        for (int c = first; c < width; c += step) {
+            const Numbers a = hn::Load(d, r0 + c);
+            const Numbers b = hn::NegMulAdd(v01, a, hn::Load(d, r1 + c));
+            const Numbers e = hn::NegMulAdd(v12, b, hn::NegMulAdd(v02, a, hn::Load(d, r2 + c)));
+            const Numbers f = hn::NegMulAdd(v23, e, hn::NegMulAdd(v13, b, hn::NegMulAdd(v03, a, hn::Load(d, r3 + c))));
+            hn::Store(hn::Mul(hn::Set(d, s0), a), d, r0 + c);
+            hn::Store(hn::Mul(hn::Set(d, s1), b), d, r1 + c);
+            hn::Store(hn::Mul(hn::Set(d, s2), e), d, r2 + c);
+            hn::Store(hn::Mul(hn::Set(d, s3), f), d, r3 + c);
         }
     }
     for (; i < n; ++i) { // what is left of a block
         T* row = system + i * width;
-        const int begin = i / step * step;
-        const T diagonal = row[i];
+        const int at = begin + i, first = at / step * step;
+        const T diagonal = row[at];
         const T* above = system;
         for (int k = 0; k < i; ++k, above += width) {
-            const Numbers factor = hn::Set(d, above[i]);
-            for (int c = begin; c < width; c += step) {
+            const Numbers factor = hn::Set(d, above[at]);
+            for (int c = first; c < width; c += step) {
                 hn::Store(hn::NegMulAdd(factor, hn::Load(d, above + c), hn::Load(d, row + c)), d, row + c);
             }
         }
-        if (!(row[i] > 0)) {
+        if (!(row[at] > 0)) {
             return 0;
         }
-        least = std::min(least, row[i] / diagonal);
-        inverse_diagonal[i] = 1 / std::sqrt(row[i]);
+        least = std::min(least, row[at] / diagonal);
+        inverse_diagonal[i] = 1 / std::sqrt(row[at]);
         const Numbers inverse = hn::Set(d, inverse_diagonal[i]);
-        for (int c = begin; c < width; c += step) {
+        for (int c = first; c < width; c += step) {
             hn::Store(hn::Mul(inverse, hn::Load(d, row + c)), d, row + c);
         }
     }
@@ -329,16 +276,116 @@ void solve_lower(const T* system, int n, int width, const T* inverse_diagonal, T
     }
 }
 
-/// Rows i..i+3 of U^-T, some columns, less their products with the rows above, which are 0 before row c.
-template <class T, int num_vectors>
-HWY_INLINE void subtract_inverse_above(const T* system, int width, int i, int c, T* inverse, int inverse_width)
+/// For one right side. The four numbers that the next block needs first are taken on in registers, the others by
+/// vectors behind them.
+inline void solve_for_one(const float* system, int n, int begin, int width, const float* inverse_diagonal, float* x)
 {
-    Block<T, num_vectors> block;
-    block.load(inverse + i * inverse_width + c, inverse_width);
-    for (int k = c; k < i; ++k) {
-        block.subtract(system + k * width + i, inverse + k * inverse_width + c);
+    constexpr int max_width = 512;
+    if (width > max_width) {
+        scalar::solve_for_one(system, n, begin, width, inverse_diagonal, x);
+        return;
     }
-    block.store(inverse + i * inverse_width + c, inverse_width);
+    using Tag = FullTag<float>;
+    const Tag d;
+    constexpr int step = full_lanes<float>;
+    alignas(64) float y[max_width];
+    std::fill_n(y, width, 0.0f);
+    const int whole = n / 4 * 4;
+
+    // U^T y = b, b in x
+    float b[4] = {};
+    for (int q = 0; q < 4 && whole > 0; ++q) {
+        b[q] = x[begin + q];
+    }
+    for (int i = 0; i < whole; i += 4) {
+        const int at = begin + i;
+        const float* u0 = system + i * width;
+        const float* u1 = u0 + width;
+        const float* u2 = u1 + width;
+        const float* u3 = u2 + width;
+        const float y0 = b[0] * inverse_diagonal[i];
+        const float y1 = (b[1] - u0[at + 1] * y0) * inverse_diagonal[i + 1];
+        const float y2 = (b[2] - u0[at + 2] * y0 - u1[at + 2] * y1) * inverse_diagonal[i + 2];
+        const float y3 = (b[3] - u0[at + 3] * y0 - u1[at + 3] * y1 - u2[at + 3] * y2) * inverse_diagonal[i + 3];
+        y[at] = y0;
+        y[at + 1] = y1;
+        y[at + 2] = y2;
+        y[at + 3] = y3;
+        if (i + 4 < whole) {
+            for (int q = 0; q < 4; ++q) {
+                const int c = at + 4 + q;
+                b[q] = (x[c] - u0[c] * y0 - u1[c] * y1) - (u2[c] * y2 + u3[c] * y3);
+            }
+        }
+        const auto v0 = hn::Set(d, y0), v1 = hn::Set(d, y1), v2 = hn::Set(d, y2), v3 = hn::Set(d, y3);
+        for (int c = (at + 4) / step * step; c < width; c += step) {
+            const auto one =
+                hn::NegMulAdd(v1, hn::Load(d, u1 + c), hn::NegMulAdd(v0, hn::Load(d, u0 + c), hn::Load(d, x + c)));
+            const auto other = hn::MulAdd(v3, hn::Load(d, u3 + c), hn::Mul(v2, hn::Load(d, u2 + c)));
+            hn::Store(hn::Sub(one, other), d, x + c);
+        }
+    }
+    for (int i = whole; i < n; ++i) {
+        const float* row = system + i * width + begin;
+        y[begin + i] = x[begin + i] * inverse_diagonal[i];
+        for (int c = i + 1; c < n; ++c) {
+            x[begin + c] -= row[c] * y[begin + i];
+        }
+    }
+
+    // U x = y
+    std::fill_n(x, width, 0.0f);
+    for (int i = n - 1; i >= whole; --i) {
+        const float* row = system + i * width + begin;
+        float sum = y[begin + i];
+        for (int c = i + 1; c < n; ++c) {
+            sum -= row[c] * x[begin + c];
+        }
+        x[begin + i] = sum * inverse_diagonal[i];
+    }
+    float last[4] = {}; // x of the block behind
+    for (int q = 0; q < 4 && begin + whole + q < width; ++q) {
+        last[q] = x[begin + whole + q];
+    }
+    for (int i = whole - 4; i >= 0; i -= 4) {
+        const int at = begin + i;
+        const float* rows[4];
+        float sums[4];
+        for (int q = 0; q < 4; ++q) {
+            rows[q] = system + (i + q) * width;
+        }
+        hn::Vec<Tag> products[4] = {hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+        int c = (at + 8) / step * step;
+        if (c < width) { // behind the block behind alone
+            const auto behind = hn::Ge(hn::Iota(d, static_cast<float>(c)), hn::Set(d, static_cast<float>(at + 8)));
+            const auto value = hn::Load(d, x + c);
+            for (int q = 0; q < 4; ++q) {
+                products[q] = hn::Mul(hn::IfThenElseZero(behind, hn::Load(d, rows[q] + c)), value);
+            }
+        }
+        for (c += step; c < width; c += step) {
+            const auto value = hn::Load(d, x + c);
+            for (int q = 0; q < 4; ++q) {
+                products[q] = hn::MulAdd(hn::Load(d, rows[q] + c), value, products[q]);
+            }
+        }
+        for (int q = 0; q < 4; ++q) {
+            const float* row = rows[q] + at + 4;
+            float sum = y[at + q] - hn::GetLane(hn::SumOfLanes(d, products[q]));
+            if (at + 4 < width) {
+                sum = (sum - row[0] * last[0] - row[1] * last[1]) - (row[2] * last[2] + row[3] * last[3]);
+            }
+            sums[q] = sum;
+        }
+        last[3] = sums[3] * inverse_diagonal[i + 3];
+        last[2] = (sums[2] - rows[2][at + 3] * last[3]) * inverse_diagonal[i + 2];
+        last[1] = (sums[1] - rows[1][at + 3] * last[3] - rows[1][at + 2] * last[2]) * inverse_diagonal[i + 1];
+        last[0] = (sums[0] - rows[0][at + 3] * last[3] - rows[0][at + 2] * last[2] - rows[0][at + 1] * last[1]) *
+                  inverse_diagonal[i];
+        for (int q = 0; q < 4; ++q) {
+            x[at + q] = last[q];
+        }
+    }
 }
 
 /// U^-T row by row in blocks of four.
@@ -354,12 +401,15 @@ void invert_factor(const T* system, int n, int width, T* inverse, int inverse_wi
     }
     int i = 0;
     for (; i + 4 <= n; i += 4) {
-        int c = 0;
-        for (; c < i && c + 2 * step <= inverse_width; c += 2 * step) {
-            subtract_inverse_above<T, 2>(system, width, i, c, inverse, inverse_width);
-        }
-        if (c < i) {
-            subtract_inverse_above<T, 1>(system, width, i, c, inverse, inverse_width);
+        for (int c = 0; c < i; c += 2 * step) { // less the products with the rows above, which are 0 before row c
+            const T* above = inverse + c * inverse_width + c;
+            const T* factors = system + c * width + i;
+            T* target = inverse + i * inverse_width + c;
+            if (c + 2 * step <= inverse_width) {
+                add_products<2, Sign::minus>(above, factors, i - c, inverse_width, width, target);
+            } else {
+                add_products<1, Sign::minus>(above, factors, i - c, inverse_width, width, target);
+            }
         }
         const T* u0 = system + i * width + i;
         const T* u1 = u0 + width;
@@ -370,7 +420,7 @@ void invert_factor(const T* system, int n, int width, T* inverse, int inverse_wi
         T* r1 = r0 + inverse_width;
         T* r2 = r1 + inverse_width;
         T* r3 = r2 + inverse_width;
-        for (c = 0; c < i + 4; c += step) {
+        for (int c = 0; c < i + 4; c += step) {
             const Numbers a = hn::Mul(hn::Set(d, s0), hn::Load(d, r0 + c));
             const Numbers b = hn::Mul(hn::Set(d, s1), hn::NegMulAdd(hn::Set(d, u0[1]), a, hn::Load(d, r1 + c)));
             const Numbers e =

@@ -291,7 +291,6 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     project_rows,
                                     multiply_rows,
                                     add_gram,
-                                    add_leading_gram,
                                     add_rows,
                                     add_point_rows,
                                     solve_positive,
@@ -316,8 +315,10 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     invert_factor<double>,
                                     factor_positive<float>,
                                     solve_factored<float>,
+                                    solve_for_one,
                                     solve_lower<float>,
-                                    invert_factor<float>};
+                                    invert_factor<float>,
+                                    sum_squares};
     return &kernels;
 #endif
 }

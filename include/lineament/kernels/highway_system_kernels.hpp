@@ -4,6 +4,7 @@
 // The kernels that sum Gram matrices and solve their systems in single precision, on Highway's portable vectors; part
 // of highway_kernels.hpp.
 #include "lineament/kernels/highway_column_kernels.hpp" // before the guard: its vectors are used
+#include "lineament/kernels/highway_product_sums.hpp"   // likewise
 #include "lineament/kernels/scalar_kernels.hpp"
 
 #ifdef LINEAMENT_USE_HIGHWAY
@@ -23,90 +24,12 @@
 HWY_BEFORE_NAMESPACE();
 namespace lineament::kernels::HWY_NAMESPACE {
 
-enum class Sign
-{
-    plus,
-    minus,
-};
-
-/// Four rows of `target` and N vectors of columns of them, with the sum over k of factors[k factor_step + q] times row
-/// k of `rows` added to or taken from row q.
-template <int N, Sign sign>
-HWY_INLINE void add_products(const float* rows, const float* factors, int count, int width, int factor_step,
-                             float* target)
-{
-    const Floats d;
-    constexpr int num_chains = N == 1 || (N == 2 && lanes == 16) ? 2 : 1; // they hide the latency of each other
-    Vector sums[num_chains][4][N];
-    for (int q = 0; q < 4; ++q) {
-        for (int v = 0; v < N; ++v) {
-            sums[0][q][v] = hn::Load(d, target + q * width + v * lanes);
-            sums[num_chains - 1][q][v] = num_chains == 1 ? sums[0][q][v] : hn::Zero(d);
-        }
-    }
-    const auto add = [&](int chain) HWY_ATTR {
-        Vector values[N];
-        for (int v = 0; v < N; ++v) {
-            values[v] = hn::Load(d, rows + v * lanes);
-        }
-        for (int q = 0; q < 4; ++q) {
-            const Vector factor = hn::Set(d, factors[q]);
-            for (int v = 0; v < N; ++v) {
-                Vector& sum = sums[chain][q][v];
-                sum = sign == Sign::plus ? hn::MulAdd(factor, values[v], sum) : hn::NegMulAdd(factor, values[v], sum);
-            }
-        }
-        rows += width;
-        factors += factor_step;
-    };
-    int k = 0;
-    for (; k + num_chains <= count; k += num_chains) {
-        add(0);
-        if (num_chains == 2) {
-            add(1);
-        }
-    }
-    if (k < count) {
-        add(0);
-    }
-    for (int q = 0; q < 4; ++q) {
-        for (int v = 0; v < N; ++v) {
-            const Vector sum = num_chains == 1 ? sums[0][q][v] : hn::Add(sums[0][q][v], sums[num_chains - 1][q][v]);
-            hn::Store(sum, d, target + q * width + v * lanes);
-        }
-    }
-}
-
-/// The same of the columns from c on.
-template <Sign sign>
-HWY_INLINE void add_products_from(int c, const float* rows, const float* factors, int count, int width, int factor_step,
-                                  float* target)
-{
-    constexpr int most = lanes == 16 ? 4 : 2; // with four rows they fit into the registers
-    for (; width - c >= most * lanes; c += most * lanes) {
-        add_products<most, sign>(rows + c, factors, count, width, factor_step, target + c);
-    }
-    const int left = (width - c) / lanes;
-    if (left == 3) {
-        add_products<most - 1, sign>(rows + c, factors, count, width, factor_step, target + c);
-    } else if (left == 2) {
-        add_products<2, sign>(rows + c, factors, count, width, factor_step, target + c);
-    } else if (left == 1) {
-        add_products<1, sign>(rows + c, factors, count, width, factor_step, target + c);
-    }
-}
-
 /// Rows i..i+3 of a Gram matrix at a time, from the diagonal's vector on.
-inline void add_leading_gram(const float* rows, int num_rows, int num_columns, int width, float* gram)
+inline void add_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
 {
-    for (int i = 0; i < num_columns; i += 4) {
+    for (int i = begin; i < end; i += 4) {
         add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width, gram + i * width);
     }
-}
-
-inline void add_gram(const float* rows, int num_rows, int width, float* gram)
-{
-    add_leading_gram(rows, num_rows, width, width, gram);
 }
 
 /// Rows of four, one after the other, become columns.

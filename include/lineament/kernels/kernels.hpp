@@ -102,11 +102,9 @@ struct Kernels
     void (*multiply_rows)(const float* point_rows, int width, const int* indices, int count, const float* x,
                           float* out);
 
-    /// gram += rows^T rows, upper triangle (more may be written).
-    void (*add_gram)(const float* rows, int num_rows, int width, float* gram);
-
-    /// The same, of the first num_columns rows of that triangle (more may be written).
-    void (*add_leading_gram)(const float* rows, int num_rows, int num_columns, int width, float* gram);
+    /// gram += rows^T rows, rows `begin` to `end` of the upper triangle (more may be written); `begin` is a multiple of
+    /// four.
+    void (*add_gram)(const float* rows, int num_rows, int begin, int end, int width, float* gram);
 
     /// sums[c] += sum_r factors[r] rows[r width + c]
     void (*add_rows)(const float* rows, int num_rows, int width, const float* factors, float* sums);
@@ -172,13 +170,13 @@ struct Kernels
     void (*add_wide)(const float* rows, int num_rows, int width, const double* factors, double* sums);
 
     /// The first `width` columns of rows 2i and 2i + 1 of out = J_i times the three rows of point i, J_i 2 x 3 at
-    /// jacobians + 6i, in single precision. Rows of `out` have out_width floats; the columns begin at a multiple of
-    /// double_step.
+    /// jacobians + 6i, in single precision. Rows of `out` have out_width floats; `out` may begin anywhere.
     void (*project_points)(const float* point_rows, int width, int num_points, const double* jacobians, float* out,
                            int out_width);
 
     /// The first `width` columns of rows 3t to 3t + 2 of out, t = targets[i] where that is not negative, += M_i times
-    /// the three rows of point i, M_i 3 x 3 at matrices + 9i; otherwise as project_points.
+    /// the three rows of point i, M_i 3 x 3 at matrices + 9i; otherwise as project_points, but `out` begins at a
+    /// multiple of double_step.
     void (*add_turned_points)(const float* point_rows, int width, int num_points, const double* matrices,
                               const int* targets, float* out, int out_width);
 
@@ -206,11 +204,13 @@ struct Kernels
     /// gram += L^T L of a lower triangular L with n rows of `width` >= n, upper triangle (more may be written).
     void (*add_lower_gram)(const double* lower, int n, int width, double* gram);
 
-    /// Turns the upper triangle of the leading n columns of `system` (n rows), A, into U with A = U^T U, and each
-    /// further column b, up to the width, into U^-T b. What is left of the diagonal is not read, and is spoilt.
-    /// inverse_diagonal[i] becomes 1 / U_ii. Returns the least pivot relative to A's diagonal: <= 0 or NaN where A is
-    /// not positive definite to rounding, and then `system` is spoilt.
-    double (*factor_positive)(double* system, int n, int width, double* inverse_diagonal);
+    /// Turns the upper triangle of n columns of `system` (n rows) from `begin` on, A, into U with A = U^T U, and each
+    /// further column b, up to the width, into U^-T b; `begin` is a multiple of four. What is left of the diagonal is
+    /// not read, and is spoilt. inverse_diagonal[i] becomes 1 / U_ii. Returns the least pivot relative to A's diagonal:
+    /// <= 0 or NaN where A is not positive definite to rounding, and then `system` is spoilt.
+    double (*factor_positive)(double* system, int n, int begin, int width, double* inverse_diagonal);
+
+    // What has been factored is given from its first column on, of any alignment.
 
     /// X = U^-1 U^-T X for U of factor_positive: solves A X = B for num_right_sides columns, n rows.
     void (*solve_factored)(const double* system, int n, int width, const double* inverse_diagonal, double* x);
@@ -219,11 +219,16 @@ struct Kernels
     void (*invert_factor)(const double* system, int n, int width, double* inverse, int inverse_width);
 
     // The same in single precision; rows have a multiple of width_step floats.
-    float (*factor_positive_float)(float* system, int n, int width, float* inverse_diagonal);
+    float (*factor_positive_float)(float* system, int n, int begin, int width, float* inverse_diagonal);
     void (*solve_factored_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
+    /// The same for one right side, x, of which what lies beside the n columns from `begin` on becomes 0; `system` and
+    /// x are whole rows of `width`, and `begin` is a multiple of four.
+    void (*solve_for_one_float)(const float* system, int n, int begin, int width, const float* inverse_diagonal,
+                                float* x);
     /// X = U^-T X alone; rows of zeros that X begins with cost next to nothing.
     void (*solve_lower_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
     void (*invert_factor_float)(const float* system, int n, int width, float* inverse, int inverse_width);
+    float (*sum_squares_float)(const float* numbers, int count); ///< Of a multiple of width_step.
 };
 
 inline constexpr int num_pose_moments = 18;

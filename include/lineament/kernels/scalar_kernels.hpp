@@ -114,9 +114,9 @@ inline void multiply_rows(const float* point_rows, int width, const int* indices
     }
 }
 
-inline void add_leading_gram(const float* rows, int num_rows, int num_columns, int width, float* gram)
+inline void add_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
 {
-    for (int i = 0; i < num_columns; ++i) {
+    for (int i = begin; i < end; ++i) {
         for (int r = 0; r < num_rows; ++r) {
             const float* row = rows + r * width;
             for (int c = i; c < width; ++c) {
@@ -126,9 +126,13 @@ inline void add_leading_gram(const float* rows, int num_rows, int num_columns, i
     }
 }
 
-inline void add_gram(const float* rows, int num_rows, int width, float* gram)
+inline float sum_squares(const float* numbers, int count)
 {
-    add_leading_gram(rows, num_rows, width, width, gram);
+    double sum = 0; // one after the other: in single precision many would be lost
+    for (int i = 0; i < count; ++i) {
+        sum += numbers[i] * numbers[i];
+    }
+    return static_cast<float>(sum);
 }
 
 inline void add_rows(const float* rows, int num_rows, int width, const float* factors, float* sums)
@@ -380,16 +384,17 @@ inline void add_lower_gram(const double* lower, int n, int width, double* gram)
 }
 
 template <typename T>
-T factor_positive(T* system, int n, int width, T* inverse_diagonal)
+T factor_positive(T* system, int n, int begin, int width, T* inverse_diagonal)
 {
     T least = 1;
+    system += begin;
     for (int i = 0; i < n; ++i) {
         T* row = system + i * width;
         const T diagonal = row[i];
         for (int k = 0; k < i; ++k) {
             const T* above = system + k * width;
             const T factor = above[i];
-            for (int c = i; c < width; ++c) {
+            for (int c = i; c < width - begin; ++c) {
                 row[c] -= factor * above[c];
             }
         }
@@ -398,7 +403,7 @@ T factor_positive(T* system, int n, int width, T* inverse_diagonal)
         }
         least = std::min(least, row[i] / diagonal);
         const T inverse = inverse_diagonal[i] = 1 / std::sqrt(row[i]);
-        for (int c = i; c < width; ++c) {
+        for (int c = i; c < width - begin; ++c) {
             row[c] *= inverse;
         }
     }
@@ -510,6 +515,25 @@ void solve_lower(const T* system, int n, int width, const T* inverse_diagonal, T
     }
 }
 
+inline void solve_for_one(const float* system, int n, int begin, int width, const float* inverse_diagonal, float* x)
+{
+    system += begin;
+    for (int i = 0; i < n; ++i) { // U^T y = b
+        const float value = x[begin + i] *= inverse_diagonal[i];
+        for (int c = i + 1; c < n; ++c) {
+            x[begin + c] -= system[i * width + c] * value;
+        }
+    }
+    for (int i = n - 1; i >= 0; --i) { // U x = y
+        for (int c = i + 1; c < n; ++c) {
+            x[begin + i] -= system[i * width + c] * x[begin + c];
+        }
+        x[begin + i] *= inverse_diagonal[i];
+    }
+    std::fill_n(x, begin, 0.0f);
+    std::fill(x + begin + n, x + width, 0.0f);
+}
+
 template <typename T>
 void solve_factored(const T* system, int n, int width, const T* inverse_diagonal, T* x)
 {
@@ -543,7 +567,6 @@ namespace lineament::kernels {
                                       scalar::project_rows,
                                       scalar::multiply_rows,
                                       scalar::add_gram,
-                                      scalar::add_leading_gram,
                                       scalar::add_rows,
                                       scalar::add_point_rows,
                                       scalar::solve_positive,
@@ -568,8 +591,10 @@ namespace lineament::kernels {
                                       scalar::invert_factor<double>,
                                       scalar::factor_positive<float>,
                                       scalar::solve_factored<float>,
+                                      scalar::solve_for_one,
                                       scalar::solve_lower<float>,
-                                      scalar::invert_factor<float>};
+                                      scalar::invert_factor<float>,
+                                      scalar::sum_squares};
     return table;
 }
 
