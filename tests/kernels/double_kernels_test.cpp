@@ -84,11 +84,14 @@ TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
     const AlignedBuffer<float> rows = random_floats(random, 3 * num_points * width);
     const AlignedBuffer<double> jacobians = random_doubles(random, 6 * num_points);
     AlignedBuffer<float> out(2 * num_points * out_width);
-    kernels.project_points(rows.data(), width, num_points, jacobians.data(), out.data(), out_width);
+    kernels.project_points(rows.data(), width, num_points, jacobians.data(), 0.5, out.data(), out_width);
     Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(2 * num_points, out_width); // the other columns are left alone
     for (int i = 0; i < num_points; ++i) {
-        expected.block(2 * i, 0, 2, width) = matrix_of(jacobians, 2 * num_points, 3).middleRows(2 * i, 2) *
-                                             matrix_of(rows, 3 * num_points, width).middleRows(3 * i, 3);
+        const Eigen::Matrix<double, 6, 1> entries = matrix_of(jacobians, 6, num_points).col(i);
+        Eigen::Matrix<double, 2, 3> jacobian;
+        jacobian << entries.head<3>().transpose(), entries.tail<3>().transpose();
+        expected.block(2 * i, 0, 2, width) =
+            0.5 * jacobian * matrix_of(rows, 3 * num_points, width).middleRows(3 * i, 3);
     }
     const Eigen::MatrixXd projected =
         Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(

@@ -82,19 +82,16 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
     const auto own = std::lower_bound(others.begin(), others.end(), shared);
     const auto camera = std::lower_bound(own, others.end(), camera_begin);
     float* rows = room_for(system.rows, static_cast<Eigen::Index>(num_rows) * width);
-    double* jacobians = room_for(system.factors, 3 * num_rows);
-    for (int k = 0; k < 6; ++k) { // faster than an assignment of transposed matrices
-        const double* derivative = terms.derivatives.data() + k * num_points;
-        for (int i = 0; i < num_points; ++i) {
-            jacobians[6 * i + k] = derivative[i];
-        }
-    }
     const int alpha_end = alpha_begin <= others_begin ? others_begin : width;
     const int others_end = alpha_begin <= others_begin ? width : alpha_begin;
     const auto clear_before = [&](int end) { // the last columns, some of which are set below
         for (int r = 0; r < num_rows; ++r) {
             std::fill_n(rows + r * width + end - kernels::width_step, kernels::width_step, 0.0f);
         }
+    };
+    const auto project = [&](const PackedRows& packed, double scale, float* to, int to_width) {
+        kernels->project_points(packed.data(), packed.width(), num_points, terms.derivatives.data(), scale, to,
+                                to_width);
     };
     if (others_end > others_begin) {
         clear_before(others_end);
@@ -103,19 +100,16 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
         clear_before(alpha_end);
     }
     if (shape_width > 0) {
-        kernels->project_points(points.identity.data(), shape_width, num_points, jacobians, rows + alpha_begin, width);
+        project(points.identity, 1.0, rows + alpha_begin, width);
     }
-    Eigen::Map<Eigen::ArrayXd>(jacobians, 6 * num_points) *= own_scale;
     const int num_psi = static_cast<int>(camera - own),
               first_psi = others_begin + static_cast<int>(own - others.begin());
     if (num_psi == num_expressions_ && own == others.begin() && first_psi + expression_width <= others_end) {
         // All at once, and zeros where the camera's will be.
-        kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, rows + first_psi,
-                                width);
+        project(points.expression, own_scale, rows + first_psi, width);
     } else {
         float* by_psi = room_for(system.expression_rows, static_cast<Eigen::Index>(num_rows) * expression_width);
-        kernels->project_points(points.expression.data(), expression_width, num_points, jacobians, by_psi,
-                                expression_width);
+        project(points.expression, own_scale, by_psi, expression_width);
         for (int r = 0; r < num_rows; ++r) {
             float* to = rows + r * width + first_psi;
             const float* from = by_psi + r * expression_width;

@@ -335,12 +335,15 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     image.dimensions.resize(image.points.num_points);
     image.matched_scale = noise.scale_px_per_mm;
     const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::RowVector3d& root) {
-        image.roots.row(static_cast<Eigen::Index>(image.used.size())) = std::sqrt(landmark(l).confidence) * root;
-        image.dimensions[static_cast<Eigen::Index>(image.used.size())] = num_dimensions;
+        const Eigen::Index i = static_cast<Eigen::Index>(image.used.size());
+        const double confidence = landmark(l).confidence; // most are 1
+        image.roots.row(i) = (confidence == 1 ? 1.0 : std::sqrt(confidence)) * root;
+        image.dimensions[i] = num_dimensions;
         image.used.push_back({l, bias_index, num_dimensions});
     };
     const bool has_own_noise = !covariances_px_.empty() || !options().covariances_mm.empty();
     double last_variance = -1;
+    bool was_outline = false;
     Eigen::RowVector3d root = Eigen::RowVector3d::Zero(); // of the last one
     Eigen::Matrix2d across = Eigen::Matrix2d::Zero();     // likewise
     const Eigen::VectorXf* stated = base().landmark_noise_mm();
@@ -348,13 +351,16 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
         const int map_index = use_.map_indices[l];
         const bool is_outline = // others are matched
             options().contour == ContourMode::fixed && base().outline_sides()[static_cast<std::size_t>(map_index)];
-        const double sigma_mm = is_outline ? options().contour_sigma_mm : options().landmark_sigma_mm;
-        const Eigen::Vector3d bias_variances = bias_variances_mm(options(), stated, map_index);
-        const double stated_mm = stated != nullptr ? (*stated)[map_index] : 0.0;
-        const double variance = stated != nullptr ? stated_mm * stated_mm - bias_variances.x() : sigma_mm * sigma_mm;
-        if (has_own_noise || variance != last_variance) { // the variance of the bias goes with it
-            root = root_of_inverse(covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
-            last_variance = variance;
+        if (has_own_noise || stated != nullptr || image.used.empty() || is_outline != was_outline) {
+            const double sigma_mm = is_outline ? options().contour_sigma_mm : options().landmark_sigma_mm;
+            const Eigen::Vector3d bias_variances = bias_variances_mm(options(), stated, map_index);
+            const double stated_mm = stated != nullptr ? (*stated)[map_index] : sigma_mm;
+            const double variance = stated_mm * stated_mm - (stated != nullptr ? bias_variances.x() : 0.0);
+            if (has_own_noise || variance != last_variance) { // the variance of the bias goes with it
+                root = root_of_inverse(covariance_px(l, variance, bias_variances, camera, noise, noise.has_bias));
+                last_variance = variance;
+            }
+            was_outline = is_outline;
         }
         add(l, noise.has_bias ? map_index : -1, 2, root);
     }

@@ -177,6 +177,9 @@ inline void factor_system(const JointProblem& problem, JointSystem& system, doub
     const auto alpha_end =
         std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(problem.num_shape()));
     const Eigen::Index num_alpha = alpha_end - system.unknowns.begin();
+    if (num_alpha == 0) {
+        return 0.0;
+    }
     const Eigen::MatrixXd prior = problem.has_standard_prior()
                                       ? Eigen::MatrixXd()
                                       : problem.prior_of(std::vector<int>(system.unknowns.begin(), alpha_end));

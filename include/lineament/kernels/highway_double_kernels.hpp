@@ -125,12 +125,14 @@ inline void add_wide(const float* rows, int num_rows, int width, const double* f
     }
 }
 
-inline void project_points(const float* point_rows, int width, int num_points, const double* jacobians, float* out,
-                           int out_width)
+inline void project_points(const float* point_rows, int width, int num_points, const double* jacobians, double scale,
+                           float* out, int out_width)
 {
     const hn::CappedTag<float, double_step> d;
-    for (int i = 0; i < num_points; ++i, point_rows += 3 * width, jacobians += 6, out += 2 * out_width) {
-        const auto coefficient = [&](int k) HWY_ATTR { return hn::Set(d, static_cast<float>(jacobians[k])); };
+    for (int i = 0; i < num_points; ++i, point_rows += 3 * width, ++jacobians, out += 2 * out_width) {
+        const auto coefficient = [&](int k) HWY_ATTR {
+            return hn::Set(d, static_cast<float>(scale * jacobians[k * num_points]));
+        };
         const auto ux = coefficient(0), uy = coefficient(1), uz = coefficient(2);
         const auto vx = coefficient(3), vy = coefficient(4), vz = coefficient(5);
         for (int c = 0; c < width; c += static_cast<int>(hn::Lanes(d))) {

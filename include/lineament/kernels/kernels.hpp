@@ -169,14 +169,15 @@ struct Kernels
     /// sums[c] += sum_r factors[r] rows[r width + c]
     void (*add_wide)(const float* rows, int num_rows, int width, const double* factors, double* sums);
 
-    /// The first `width` columns of rows 2i and 2i + 1 of out = J_i times the three rows of point i, J_i 2 x 3 at
-    /// jacobians + 6i, in single precision. Rows of `out` have out_width floats; `out` may begin anywhere.
-    void (*project_points)(const float* point_rows, int width, int num_points, const double* jacobians, float* out,
-                           int out_width);
+    /// The first `width` columns of rows 2i and 2i + 1 of out = scale J_i times the three rows of point i, J_i 2 x 3,
+    /// whose entry k, row by row, is jacobians[k num_points + i], in single precision. Rows of `out` have out_width
+    /// floats; `out` may begin anywhere.
+    void (*project_points)(const float* point_rows, int width, int num_points, const double* jacobians, double scale,
+                           float* out, int out_width);
 
     /// The first `width` columns of rows 3t to 3t + 2 of out, t = targets[i] where that is not negative, += M_i times
-    /// the three rows of point i, M_i 3 x 3 at matrices + 9i; otherwise as project_points, but `out` begins at a
-    /// multiple of double_step.
+    /// the three rows of point i, M_i 3 x 3 at matrices + 9i, in single precision. Rows of `out` have out_width floats;
+    /// the columns begin at a multiple of double_step.
     void (*add_turned_points)(const float* point_rows, int width, int num_points, const double* matrices,
                               const int* targets, float* out, int out_width);
 

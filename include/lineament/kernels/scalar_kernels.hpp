@@ -344,14 +344,16 @@ inline void add_wide(const float* rows, int num_rows, int width, const double* f
     }
 }
 
-inline void project_points(const float* point_rows, int width, int num_points, const double* jacobians, float* out,
-                           int out_width)
+inline void project_points(const float* point_rows, int width, int num_points, const double* jacobians, double scale,
+                           float* out, int out_width)
 {
     for (int i = 0; i < num_points; ++i, point_rows += 3 * width) {
-        for (int axis = 0; axis < 2; ++axis, jacobians += 3, out += out_width) {
+        for (int axis = 0; axis < 2; ++axis, out += out_width) {
+            const double* by_axis = jacobians + 3 * axis * num_points + i;
+            const double x = scale * by_axis[0], y = scale * by_axis[num_points], z = scale * by_axis[2 * num_points];
             for (int c = 0; c < width; ++c) {
-                out[c] = static_cast<float>(jacobians[0] * point_rows[c] + jacobians[1] * point_rows[width + c] +
-                                            jacobians[2] * point_rows[2 * width + c]);
+                out[c] =
+                    static_cast<float>(x * point_rows[c] + y * point_rows[width + c] + z * point_rows[2 * width + c]);
             }
         }
     }
