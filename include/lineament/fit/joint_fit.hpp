@@ -94,7 +94,7 @@ private:
     PackedPoints::Products products_ = {};
     RoomyMatrix<Eigen::Matrix3Xd> points_ = {};
     Eigen::VectorXd weights_ = {};
-    std::vector<double> squared_distances_ = {};
+    RoomyMatrix<Eigen::MatrixX2d> distances_ = {};
     std::vector<unsigned char> is_used_ = {};
     JointCertainty certainty_ = {};
     std::vector<int> face_ = {};

@@ -88,7 +88,12 @@ inline void JointFit::add_image(const LandmarkSet& landmarks, const Eigen::Vecto
 
 inline void JointFit::estimate_pose(Image& image, const JointImage& fixed, const Eigen::VectorXd& psi)
 {
-    fixed.points.evaluate(context_->kernels, state_.alpha, psi, products_, points_);
+    make_room(scratch_.placed, used_.size() + 1);
+    RoomyMatrix<Eigen::Matrix3Xd>& shape = scratch_.placed[used_.size()].shape;
+    fixed.points.evaluate_shape(context_->kernels, state_.alpha, 0, products_.padded, shape);
+    fixed.points.expression.multiply(context_->kernels, fixed.points.num_points, psi, products_.padded,
+                                     products_.by_expression);
+    points_ = shape.leftCols(fixed.points.num_points) + products_.by_expression;
     const auto image_points = fixed.image_points.leftCols(points_.cols());
     const Eigen::Vector2d principal_point_px = image.camera.principal_point_px;
     const auto pose_for = [&](const Eigen::VectorXd& weights) {
@@ -98,7 +103,8 @@ inline void JointFit::estimate_pose(Image& image, const JointImage& fixed, const
     };
     image.matcher.set_start_weights(weights_);
     PoseResult pose = pose_for(weights_);
-    if (has_wild_points(pose, points_, image_points, squared_distances_)) {
+    set_residuals(context_->kernels, pose.camera, points_, fixed, distances_);
+    if (has_wild_points(pose, distances_)) {
         const PoseResult without = pose_for(without_wild_points(points_, image_points, weights_));
         pose = without.status == FitStatus::success ? without : pose;
     }
@@ -118,6 +124,7 @@ inline void JointFit::match()
         const NoiseSharing noise{scale, static_cast<int>(used_.size()), prior_->num_images, state_.bias.size() > 0};
         images_[used_[f]].matcher.match(state_.cameras[f], state_.alpha, state_.psi[f], noise, problem_.images[f]);
         matched_scales_.push_back(scale);
+        scratch_.placed[f].num_shaped = images_[used_[f]].matcher.num_fixed(); // as a pose or a step has left them
     }
 }
 

@@ -97,6 +97,9 @@ public:
 
     [[nodiscard]] const std::vector<int>& map_indices() const { return use_.map_indices; }
 
+    /// Points of set_fixed_points, which stay.
+    [[nodiscard]] Eigen::Index num_fixed() const { return static_cast<Eigen::Index>(use_.fixed.size()); }
+
     /// Points of landmarks tied to their map point alone, weights 1: for the first pose.
     void set_fixed_points(JointImage& image) const;
 

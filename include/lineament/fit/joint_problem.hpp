@@ -55,6 +55,8 @@ struct PlacedPoints
     RoomyMatrix<Eigen::Matrix3Xd> offsets = {};   ///< What expression and bias add [mm].
     RoomyMatrix<Eigen::Matrix3Xd> points = {};    ///< With them [mm].
     RoomyMatrix<Eigen::MatrixX2d> residuals = {}; ///< N x 2, U (seen - landmark).
+    RoomyMatrix<Eigen::Matrix3Xd> shape = {};     ///< Mean and identity alone [mm], and perhaps room for more.
+    Eigen::Index num_shaped = 0; ///< Leading points whose shape is that of the state they are placed at next.
 
     [[nodiscard]] double squared_residual(Eigen::Index i) const { return residuals.row(i).squaredNorm(); }
 
@@ -125,6 +127,11 @@ inline constexpr double max_scale_change = 2.0;
 {
     return 1 / (value * value);
 }
+
+/// U (seen - landmark) of the points of an image, N x 2.
+/// @param kernels  May be nullptr.
+void set_residuals(const kernels::Kernels* kernels, const Camera& camera, const RoomyMatrix<Eigen::Matrix3Xd>& points,
+                   const JointImage& seen, RoomyMatrix<Eigen::MatrixX2d>& residuals);
 
 /// Energy (7) of a round, its derivatives and its moves.
 class JointProblem
@@ -241,7 +248,6 @@ private:
         return is_camera(unknown) ? 0.0 : inverse_square(options_->expression_sigma);
     }
     void place_image(std::size_t image, const JointState& state, PlacedPoints& placed) const;
-    void set_residuals(std::size_t image, const JointState& state, PlacedPoints& placed) const;
     [[nodiscard]] double own_scale(std::size_t image, const JointState& state) const
     {
         return images[image].matched_scale / state.cameras[image].scale_px_per_mm;

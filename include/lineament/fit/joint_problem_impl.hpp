@@ -51,9 +51,10 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
         }
     }
     placed.offsets *= own_scale(image, state);
-    points.identity.multiply(kernels, points.num_points, state.alpha, placed.padded, placed.points);
-    placed.points += points.mean.leftCols(points.num_points) + placed.offsets;
-    set_residuals(image, state, placed);
+    points.evaluate_shape(kernels, state.alpha, placed.num_shaped, placed.padded, placed.shape);
+    placed.num_shaped = 0;
+    placed.points = placed.shape.leftCols(points.num_points) + placed.offsets;
+    set_residuals(kernels, state.cameras[image], placed.points, seen, placed.residuals);
 }
 
 [[nodiscard]] inline kernels::PerspectiveCamera for_kernels(const Camera& camera)
@@ -67,23 +68,21 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
     return same;
 }
 
-LINEAMENT_FIT_INLINE void JointProblem::set_residuals(std::size_t image, const JointState& state,
-                                                      PlacedPoints& placed) const
+LINEAMENT_FIT_INLINE void set_residuals(const kernels::Kernels* kernels, const Camera& camera,
+                                        const RoomyMatrix<Eigen::Matrix3Xd>& points, const JointImage& seen,
+                                        RoomyMatrix<Eigen::MatrixX2d>& residuals)
 {
-    const JointImage& seen = images[image];
-    const Camera& camera = state.cameras[image];
-    const Eigen::Index count = placed.points.cols();
-    placed.residuals.resize(count, 2);
+    const Eigen::Index count = points.cols();
+    residuals.resize(count, 2);
     if (kernels != nullptr) {
-        kernels->camera_residuals(for_kernels(camera), placed.points.data(), seen.image_points.data(),
-                                  seen.roots.data(), static_cast<int>(count), placed.residuals.data());
+        kernels->camera_residuals(for_kernels(camera), points.data(), seen.image_points.data(), seen.roots.data(),
+                                  static_cast<int>(count), residuals.data());
         return;
     }
     for (Eigen::Index i = 0; i < count; ++i) {
-        const Eigen::Vector2d distance =
-            camera.project(Eigen::Vector3d(placed.points.col(i))) - seen.image_points.col(i);
-        placed.residuals(i, 0) = seen.roots(i, 0) * distance.x() + seen.roots(i, 1) * distance.y();
-        placed.residuals(i, 1) = seen.roots(i, 2) * distance.y();
+        const Eigen::Vector2d distance = camera.project(Eigen::Vector3d(points.col(i))) - seen.image_points.col(i);
+        residuals(i, 0) = seen.roots(i, 0) * distance.x() + seen.roots(i, 1) * distance.y();
+        residuals(i, 1) = seen.roots(i, 2) * distance.y();
     }
 }
 

@@ -31,28 +31,19 @@ inline constexpr Eigen::Index min_points_for_wild_ones = 12;
 
 /// Whether a pose is none that can be used, or leaves a point eight times as far away as the middle one: of 20,000
 /// faces of 20 to 68 landmarks with up to 3 px of noise the largest ratio was 7.3.
-/// @param squared_distances  Kept for its room.
-[[nodiscard]] inline bool has_wild_points(const PoseResult& pose, const Eigen::Ref<const Eigen::Matrix3Xd>& points,
-                                          const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
-                                          std::vector<double>& squared_distances)
+/// @param distances  N x 2, between where the pose has the points seen and the landmarks [px].
+[[nodiscard]] inline bool has_wild_points(const PoseResult& pose, const RoomyMatrix<Eigen::MatrixX2d>& distances)
 {
-    if (points.cols() < min_points_for_wild_ones) {
+    if (distances.rows() < min_points_for_wild_ones) {
         return false;
     }
     if (pose.status != FitStatus::success) {
         return true;
     }
-    double largest = 0;
-    squared_distances.resize(static_cast<std::size_t>(points.cols()));
-    for (Eigen::Index i = 0; i < points.cols(); ++i) {
-        const double squared =
-            (pose.camera.project(Eigen::Vector3d(points.col(i))) - image_points.col(i)).squaredNorm();
-        squared_distances[static_cast<std::size_t>(i)] = squared;
-        largest = std::max(largest, squared);
-    }
-    const auto num_near = std::count_if(squared_distances.begin(), squared_distances.end(),
-                                        [&](double squared) { return 8 * 8 * squared < largest; });
-    return 2 * num_near > points.cols(); // the middle one is among them
+    const auto squares = distances.col(0).array().abs2() + distances.col(1).array().abs2();
+    const double largest = squares.maxCoeff();
+    const auto num_near = (8 * 8 * squares < largest).count();
+    return 2 * num_near > squares.size(); // the middle one is among them
 }
 
 /// The weights, 0 for points that lie four times as far from an affine camera as the middle one. The camera is that of

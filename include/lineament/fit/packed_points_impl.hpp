@@ -80,18 +80,27 @@ public:
                   AlignedBuffer<double>& padded, RoomyMatrix<Eigen::Matrix3Xd>& products) const
     {
         products.resize(3, num_points);
+        multiply(kernels, 0, num_points, x, padded, products);
+    }
+
+    /// The same of the points from `begin` to `end`, into their columns.
+    void multiply(const kernels::Kernels* kernels, Eigen::Index begin, Eigen::Index end, const Eigen::VectorXd& x,
+                  AlignedBuffer<double>& padded, RoomyMatrix<Eigen::Matrix3Xd>& products) const
+    {
         if (width_ == 0) {
-            products.setZero();
+            products.middleCols(begin, end - begin).setZero();
             return;
         }
+        double* to = products.data() + 3 * begin;
         if (kernels == nullptr) {
-            Eigen::Map<Eigen::VectorXd>(products.data(), products.size()).noalias() =
-                leading(num_points).cast<double>().transpose() * x;
+            Eigen::Map<Eigen::VectorXd>(to, 3 * (end - begin)).noalias() =
+                leading(end).rightCols(3 * (end - begin)).cast<double>().transpose() * x;
             return;
         }
         double* factors = room_for(padded, width_);
         std::fill(std::copy_n(x.data(), x.size(), factors), factors + width_, 0.0);
-        kernels->multiply_wide(rows_.data(), static_cast<int>(3 * num_points), width_, factors, products.data());
+        kernels->multiply_wide(rows_.data() + 3 * begin * width_, static_cast<int>(3 * (end - begin)), width_, factors,
+                               to);
     }
 
 private:
@@ -160,6 +169,15 @@ struct PackedPoints
         AlignedBuffer<double> padded = {};
         RoomyMatrix<Eigen::Matrix3Xd> by_expression = {};
     };
+
+    /// Mean and identity of the points from `begin` on, in as many columns as the mean has.
+    void evaluate_shape(const kernels::Kernels* kernels, const Eigen::VectorXd& alpha, Eigen::Index begin,
+                        AlignedBuffer<double>& padded, RoomyMatrix<Eigen::Matrix3Xd>& shape) const
+    {
+        shape.resize(3, mean.cols()); // what is in it stays, where it was as large
+        identity.multiply(kernels, begin, num_points, alpha, padded, shape);
+        shape.middleCols(begin, num_points - begin) += mean.middleCols(begin, num_points - begin);
+    }
 
     /// S_i for every point (3 x N).
     void evaluate(const kernels::Kernels* kernels, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi,

@@ -82,8 +82,9 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
 
     // Variances along the principal axes: a plane within 1 % of the widest extent fixes no rotation safely. Where the
     // determinant says that all are wide, a bound of the largest does.
-    Eigen::Vector3d variances = Eigen::Vector3d::Constant(moments.trace() / 3);
-    if (!(moments.determinant() > 1e-4 * std::pow(moments.trace(), 3))) {
+    const double trace = moments.trace();
+    Eigen::Vector3d variances = Eigen::Vector3d::Constant(trace / 3);
+    if (!(moments.determinant() > 1e-4 * trace * trace * trace)) {
         variances = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly).eigenvalues();
     }
     if (!(variances[0] > 1e-4 * variances[2])) {
