@@ -100,6 +100,21 @@ TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
     EXPECT_THAT(projected, IsNear(expected, 1e-6));
 }
 
+TEST_P(DoubleKernelsTest, TurnsColumnsIntoRows)
+{
+    for (const int count : {1, 4, 9, 68}) {
+        for (const int num_columns : {1, 4, 6, 7}) {
+            const int out_step = num_columns + 3;
+            const AlignedBuffer<double> columns = random_doubles(random, static_cast<std::size_t>(count) * num_columns);
+            AlignedBuffer<float> out(static_cast<std::size_t>(count) * out_step);
+            kernels.turn_columns(columns.data(), count, num_columns, out.data(), out_step);
+            Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(count, out_step); // the other columns are left alone
+            expected.leftCols(num_columns) = matrix_of(columns, num_columns, count).transpose();
+            EXPECT_THAT(matrix_of(out, count, out_step), IsNear(expected, 1e-6)) << count << " " << num_columns;
+        }
+    }
+}
+
 TEST_P(DoubleKernelsTest, AddsPointsEachTurnedToItsTarget)
 {
     const int width = 24, out_width = 32, num_points = 4, num_targets = 3;

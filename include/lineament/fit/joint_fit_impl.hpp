@@ -99,7 +99,7 @@ inline void JointFit::estimate_pose(Image& image, const JointImage& fixed, const
     const auto pose_for = [&](const Eigen::VectorXd& weights) {
         return options().focal_length_px ? estimate_pose_perspective(points_, image_points, *options().focal_length_px,
                                                                      weights, principal_point_px)
-                                         : lineament::estimate_pose(points_, image_points, weights, principal_point_px);
+                                         : pose_of_pairs(points_, image_points, weights, principal_point_px);
     };
     image.matcher.set_start_weights(weights_);
     PoseResult pose = pose_for(weights_);

@@ -130,9 +130,17 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
     if (others.begin() != own) { // phi
         set_derivative(others_begin, 18, 19);
     }
+    const int first_camera = first_psi + num_psi;
+    if (others.end() - camera == 6) {
+        for (int axis = 0; axis < 2; ++axis) {
+            kernels->turn_columns(terms.derivatives.data() + 6 * (axis + 1) * num_points, num_points, 6,
+                                  rows + axis * width + first_camera, 2 * width);
+        }
+        return rows;
+    }
     for (auto unknown = camera; unknown != others.end(); ++unknown) {
         const int k = *unknown - camera_begin;
-        set_derivative(first_psi + static_cast<int>(unknown - own), 6 + k, 12 + k);
+        set_derivative(first_camera + static_cast<int>(unknown - camera), 6 + k, 12 + k);
     }
     return rows;
 }

@@ -89,7 +89,7 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
     for (std::size_t l = 0; l < map_indices.size(); ++l) {
         if (is_used_[l] == 0 && map_indices[l] >= 0) { // its point of the landmark map
             result.landmarks[l].fitted_px = result.camera.project(
-                base().landmark_points().at(map_indices[l], result.shape_coefficients, result.expression_coefficients));
+                context_->points.landmarks.at(map_indices[l], state_.alpha, result.expression_coefficients));
         }
     }
     const double own_scale = matched_scales_[f] / state_.cameras[f].scale_px_per_mm;

@@ -138,6 +138,13 @@ struct PackedPoints
         }
     }
 
+    /// S_i of one point.
+    [[nodiscard]] Eigen::Vector3d at(Eigen::Index point, const Eigen::VectorXd& alpha, const Eigen::VectorXd& psi) const
+    {
+        return mean.col(point) + identity.of_point(point).cast<double>().transpose() * alpha +
+               expression.of_point(point).cast<double>().transpose() * psi;
+    }
+
     /// The point between two neighbours of `other`.
     void set_between(Eigen::Index to, const PackedPoints& other, Eigen::Index first, Eigen::Index next, double fraction)
     {

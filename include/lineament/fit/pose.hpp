@@ -43,6 +43,15 @@ struct PoseResult
                                        const Eigen::VectorXd& weights = {},
                                        const Eigen::Vector2d& principal_point_px = Eigen::Vector2d::Zero());
 
+namespace detail {
+
+/// The same of pairs that are known to be usable, without rms_px.
+[[nodiscard]] PoseResult pose_of_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                                       const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                       const Eigen::VectorXd& weights, const Eigen::Vector2d& principal_point_px);
+
+} // namespace detail
+
 /// The scaled orthographic camera of points that are seen with their depth, in closed form: with y_i = (u, v, depth),
 ///
 ///   (s, R, t) = argmin sum_i w_i |s R X_i + t - y_i|^2                                         docs/maths.md, Eq. (19)

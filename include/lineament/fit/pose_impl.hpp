@@ -29,14 +29,11 @@ namespace detail {
     return 0.5 * inverse_root * unit_rows;
 }
 
-} // namespace detail
-
-LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+LINEAMENT_FIT_INLINE PoseResult pose_of_pairs(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
                                               const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
                                               const Eigen::VectorXd& given_weights,
                                               const Eigen::Vector2d& principal_point_px)
 {
-    detail::check_pairs(points_in_model, image_points, given_weights, principal_point_px, "estimate_pose");
     const auto weight = [&](Eigen::Index i) { return given_weights.size() > 0 ? given_weights[i] : 1.0; };
     PoseResult result;
     result.camera.principal_point_px = principal_point_px;
@@ -112,7 +109,7 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     }
 
     Camera& camera = result.camera;
-    const Eigen::Matrix<double, 2, 3> rotation = detail::polar_factor(affine);
+    const Eigen::Matrix<double, 2, 3> rotation = polar_factor(affine);
     camera.camera_from_model.topRows<2>() = rotation;
     camera.camera_from_model.row(2) = rotation.row(0).cross(rotation.row(1));
     const Eigen::Matrix2d posed = rotation * moments * rotation.transpose();
@@ -125,11 +122,24 @@ LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matr
     }
     const Eigen::Vector2d translation_px = mean_in_image - camera.scale_px_per_mm * rotation * mean_in_model;
     camera.translation_mm = (translation_px - principal_point_px) / camera.scale_px_per_mm;
-    result.rms_px = detail::weighted_rms(camera, points_in_model, image_points, given_weights);
-    detail::judge_facing(result);
-    if (result.status == FitStatus::success && detail::is_squeezed(cross * rotation.transpose() * posed.inverse())) {
+    judge_facing(result);
+    if (result.status == FitStatus::success && is_squeezed(cross * rotation.transpose() * posed.inverse())) {
         result.status = FitStatus::implausible;
-        result.reason = detail::squeezed_reason;
+        result.reason = squeezed_reason;
+    }
+    return result;
+}
+
+} // namespace detail
+
+LINEAMENT_FIT_INLINE PoseResult estimate_pose(const Eigen::Ref<const Eigen::Matrix3Xd>& points_in_model,
+                                              const Eigen::Ref<const Eigen::Matrix2Xd>& image_points,
+                                              const Eigen::VectorXd& weights, const Eigen::Vector2d& principal_point_px)
+{
+    detail::check_pairs(points_in_model, image_points, weights, principal_point_px, "estimate_pose");
+    PoseResult result = detail::pose_of_pairs(points_in_model, image_points, weights, principal_point_px);
+    if (result.status == FitStatus::success || result.status == FitStatus::implausible) {
+        result.rms_px = detail::weighted_rms(result.camera, points_in_model, image_points, weights);
     }
     return result;
 }

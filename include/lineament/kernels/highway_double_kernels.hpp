@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The kernels in double precision on Highway's portable vectors; part of highway_kernels.hpp.
-#include "lineament/kernels/kernels.hpp"
+#include "lineament/kernels/highway_product_sums.hpp" // before the guard: it turns rows into columns
 
 #ifdef LINEAMENT_USE_HIGHWAY
 
@@ -125,22 +125,59 @@ inline void add_wide(const float* rows, int num_rows, int width, const double* f
     }
 }
 
+/// Columns `begin` to `end` of the two rows that a point becomes.
+template <class Tag>
+HWY_INLINE void project_point(Tag d, const float* point_rows, int width, int begin, int end, const float* jacobian,
+                              float* out, int out_width)
+{
+    const auto ux = hn::Set(d, jacobian[0]), uy = hn::Set(d, jacobian[1]), uz = hn::Set(d, jacobian[2]);
+    const auto vx = hn::Set(d, jacobian[3]), vy = hn::Set(d, jacobian[4]), vz = hn::Set(d, jacobian[5]);
+    for (int c = begin; c < end; c += static_cast<int>(hn::Lanes(d))) {
+        const auto x = hn::LoadU(d, point_rows + c);
+        const auto y = hn::LoadU(d, point_rows + width + c);
+        const auto z = hn::LoadU(d, point_rows + 2 * width + c);
+        hn::StoreU(hn::MulAdd(uz, z, hn::MulAdd(uy, y, hn::Mul(ux, x))), d, out + c);
+        hn::StoreU(hn::MulAdd(vz, z, hn::MulAdd(vy, y, hn::Mul(vx, x))), d, out + out_width + c);
+    }
+}
+
 inline void project_points(const float* point_rows, int width, int num_points, const double* jacobians, double scale,
                            float* out, int out_width)
 {
-    const hn::CappedTag<float, double_step> d;
-    for (int i = 0; i < num_points; ++i, point_rows += 3 * width, ++jacobians, out += 2 * out_width) {
-        const auto coefficient = [&](int k) HWY_ATTR {
-            return hn::Set(d, static_cast<float>(scale * jacobians[k * num_points]));
-        };
-        const auto ux = coefficient(0), uy = coefficient(1), uz = coefficient(2);
-        const auto vx = coefficient(3), vy = coefficient(4), vz = coefficient(5);
-        for (int c = 0; c < width; c += static_cast<int>(hn::Lanes(d))) {
-            const auto x = hn::Load(d, point_rows + c);
-            const auto y = hn::Load(d, point_rows + width + c);
-            const auto z = hn::Load(d, point_rows + 2 * width + c);
-            hn::StoreU(hn::MulAdd(uz, z, hn::MulAdd(uy, y, hn::Mul(ux, x))), d, out + c);
-            hn::StoreU(hn::MulAdd(vz, z, hn::MulAdd(vy, y, hn::Mul(vx, x))), d, out + out_width + c);
+    const hn::CappedTag<float, 2 * double_step> d;
+    const hn::CappedTag<float, double_step> half;
+    const int whole = width / (2 * double_step) * (2 * double_step);
+    for (int i = 0; i < num_points; ++i, point_rows += 3 * width, out += 2 * out_width) {
+        float jacobian[6];
+        for (int k = 0; k < 6; ++k) {
+            jacobian[k] = static_cast<float>(scale * jacobians[k * num_points + i]);
+        }
+        project_point(d, point_rows, width, 0, whole, jacobian, out, out_width);
+        project_point(half, point_rows, width, whole, width, jacobian, out, out_width);
+    }
+}
+
+inline void turn_columns(const double* columns, int count, int num_columns, float* out, int out_step)
+{
+    const hn::CappedTag<double, 4> d;
+    int i = 0;
+    if constexpr (hn::MaxLanes(d) == 4) {
+        const hn::Rebind<float, decltype(d)> narrow;
+        alignas(16) float four[16];
+        for (; i + 4 <= count && num_columns >= 4; i += 4) {
+            for (int k = 0; k < num_columns; k += 4) {
+                const int begin = k + 4 <= num_columns ? k : num_columns - 4; // the last four overlap others
+                for (int q = 0; q < 4; ++q) {
+                    const auto values = hn::LoadU(d, columns + (begin + q) * count + i);
+                    hn::Store(hn::DemoteTo(narrow, values), narrow, four + 4 * q);
+                }
+                store_transposed(four, out + i * out_step + begin, out_step);
+            }
+        }
+    }
+    for (; i < count; ++i) {
+        for (int k = 0; k < num_columns; ++k) {
+            out[i * out_step + k] = static_cast<float>(columns[k * count + i]);
         }
     }
 }

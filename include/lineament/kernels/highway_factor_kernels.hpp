@@ -102,7 +102,7 @@ T factor_positive(T* system, int n, int begin, int width, T* inverse_diagonal)
         const T inverses[4] = {s0, s1, s2, s3};
         for (int q = 0; q < 4; ++q) {
             inverse_diagonal[i + q] = inverses[q];
-            least = std::min(least, pivots[q] / diagonal[q]);
+            least = pivots[q] < least * diagonal[q] ? pivots[q] / diagonal[q] : least;
         }
         const Numbers v01 = hn::Set(d, f01), v02 = hn::Set(d, f02), v03 = hn::Set(d, f03);
         const Numbers v12 = hn::Set(d, f12), v13 = hn::Set(d, f13), v23 = hn::Set(d, f23);

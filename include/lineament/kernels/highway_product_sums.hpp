@@ -106,6 +106,30 @@ HWY_INLINE void add_products_from(int c, const T* rows, const T* factors, int co
     }
 }
 
+/// Rows of four, one after the other, become columns, anywhere.
+HWY_INLINE void store_transposed(const float* from, float* to, int step)
+{
+#if HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
+    for (int i = 0; i < 16; ++i) {
+        to[i % 4 * step + i / 4] = from[i];
+    }
+#else
+    const hn::CappedTag<float, 4> d;
+    const auto r0 = hn::Load(d, from);
+    const auto r1 = hn::Load(d, from + 4);
+    const auto r2 = hn::Load(d, from + 8);
+    const auto r3 = hn::Load(d, from + 12);
+    const auto even_low = hn::InterleaveLower(d, r0, r2);
+    const auto even_high = hn::InterleaveUpper(d, r0, r2);
+    const auto odd_low = hn::InterleaveLower(d, r1, r3);
+    const auto odd_high = hn::InterleaveUpper(d, r1, r3);
+    hn::StoreU(hn::InterleaveLower(d, even_low, odd_low), d, to);
+    hn::StoreU(hn::InterleaveUpper(d, even_low, odd_low), d, to + step);
+    hn::StoreU(hn::InterleaveLower(d, even_high, odd_high), d, to + 2 * step);
+    hn::StoreU(hn::InterleaveUpper(d, even_high, odd_high), d, to + 3 * step);
+#endif
+}
+
 } // namespace lineament::kernels::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -32,30 +32,6 @@ inline void add_gram(const float* rows, int num_rows, int begin, int end, int wi
     }
 }
 
-/// Rows of four, one after the other, become columns.
-HWY_INLINE void store_transposed(const float* from, float* to, int step)
-{
-#if HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
-    for (int i = 0; i < 16; ++i) {
-        to[i % 4 * step + i / 4] = from[i];
-    }
-#else
-    const hn::CappedTag<float, 4> d;
-    const auto r0 = hn::Load(d, from);
-    const auto r1 = hn::Load(d, from + 4);
-    const auto r2 = hn::Load(d, from + 8);
-    const auto r3 = hn::Load(d, from + 12);
-    const auto even_low = hn::InterleaveLower(d, r0, r2);
-    const auto even_high = hn::InterleaveUpper(d, r0, r2);
-    const auto odd_low = hn::InterleaveLower(d, r1, r3);
-    const auto odd_high = hn::InterleaveUpper(d, r1, r3);
-    hn::Store(hn::InterleaveLower(d, even_low, odd_low), d, to);
-    hn::Store(hn::InterleaveUpper(d, even_low, odd_low), d, to + step);
-    hn::Store(hn::InterleaveLower(d, even_high, odd_high), d, to + 2 * step);
-    hn::Store(hn::InterleaveUpper(d, even_high, odd_high), d, to + 3 * step);
-#endif
-}
-
 /// U row by row in blocks of four, A = U^T D^-1 U with D the diagonal of U: no roots, and the only long chain is one
 /// division a row. Below the diagonal comes L = U^T D^-1, whose rows are what the substitution back takes from b.
 inline float solve_positive(float* system, int n, int width, float* x)

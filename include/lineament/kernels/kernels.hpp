@@ -175,6 +175,9 @@ struct Kernels
     void (*project_points)(const float* point_rows, int width, int num_points, const double* jacobians, double scale,
                            float* out, int out_width);
 
+    /// out[i out_step + k] = columns[k count + i] for i < count, k < num_columns.
+    void (*turn_columns)(const double* columns, int count, int num_columns, float* out, int out_step);
+
     /// The first `width` columns of rows 3t to 3t + 2 of out, t = targets[i] where that is not negative, += M_i times
     /// the three rows of point i, M_i 3 x 3 at matrices + 9i, in single precision. Rows of `out` have out_width floats;
     /// the columns begin at a multiple of double_step.

@@ -359,6 +359,15 @@ inline void project_points(const float* point_rows, int width, int num_points, c
     }
 }
 
+inline void turn_columns(const double* columns, int count, int num_columns, float* out, int out_step)
+{
+    for (int i = 0; i < count; ++i) {
+        for (int k = 0; k < num_columns; ++k) {
+            out[i * out_step + k] = static_cast<float>(columns[k * count + i]);
+        }
+    }
+}
+
 inline void add_turned_points(const float* point_rows, int width, int num_points, const double* matrices,
                               const int* targets, float* out, int out_width)
 {
@@ -583,6 +592,7 @@ namespace lineament::kernels {
                                       scalar::multiply_wide,
                                       scalar::add_wide,
                                       scalar::project_points,
+                                      scalar::turn_columns,
                                       scalar::add_turned_points,
                                       scalar::camera_residuals,
                                       scalar::weigh_by_student_t,
