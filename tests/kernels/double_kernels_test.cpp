@@ -100,6 +100,14 @@ TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
     EXPECT_THAT(projected, IsNear(expected, 1e-6));
 }
 
+TEST_P(DoubleKernelsTest, BlendsRows)
+{
+    const AlignedBuffer<float> first = random_floats(random, 24), second = random_floats(random, 24);
+    AlignedBuffer<float> out(24);
+    kernels.blend_rows(first.data(), second.data(), 0.25f, 24, out.data());
+    EXPECT_THAT(matrix_of(out, 24, 1), IsNear(0.75 * matrix_of(first, 24, 1) + 0.25 * matrix_of(second, 24, 1), 1e-6));
+}
+
 TEST_P(DoubleKernelsTest, TurnsColumnsIntoRows)
 {
     for (const int count : {1, 4, 9, 68}) {
@@ -169,7 +177,8 @@ TEST_P(DoubleKernelsTest, FactorsAndSolves)
         AlignedBuffer<double> x(n * num_right_sides);
         Eigen::Map<RowMajor>(x.data(), n, num_right_sides) = a * expected;
         AlignedBuffer<double> inverse_diagonal(n);
-        const double pivot = kernels.factor_positive(system.data(), n, begin, width, inverse_diagonal.data());
+        const double pivot =
+            kernels.factor_positive(system.data(), n, begin, width, system.data(), inverse_diagonal.data());
         kernels.solve_factored(system.data() + begin, n, width, inverse_diagonal.data(), x.data());
 
         const Eigen::MatrixXd u = Eigen::MatrixXd(in_columns.triangularView<Eigen::Upper>());
@@ -183,7 +192,8 @@ TEST_P(DoubleKernelsTest, FactorsAndSolves)
         for (const int leading : {n, (n + 1) / 2}) {
             const int inverse_width = round_up(leading, double_step);
             AlignedBuffer<double> inverse = random_doubles(random, static_cast<std::size_t>(leading) * inverse_width);
-            kernels.invert_factor(system.data() + begin, leading, width, inverse.data(), inverse_width);
+            kernels.invert_factor(system.data() + begin, leading, width, inverse_diagonal.data(), inverse.data(),
+                                  inverse_width);
             const Eigen::MatrixXd all = matrix_of(inverse, leading, inverse_width);
             const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(leading, inverse_width);
             EXPECT_THAT(Eigen::MatrixXd(u.topLeftCorner(leading, leading).transpose() * all), IsNear(identity, 1e-11))
@@ -378,7 +388,10 @@ TEST_P(DoubleKernelsTest, FactorsAndSolvesInSinglePrecision)
         AlignedBuffer<float> lower(n * num_right_sides); // begins with zeros
         Eigen::Map<Floats>(lower.data(), n, num_right_sides).bottomRows((n + 1) / 2).setOnes();
         const Eigen::MatrixXd lower_right_side = matrix_of(lower, n, num_right_sides);
-        const float pivot = kernels.factor_positive_float(system.data(), n, begin, width, inverses.data());
+        AlignedBuffer<float> matrix(n * width); // another than the factor's
+        std::copy_n(system.data(), system.size(), matrix.data());
+        const float pivot =
+            kernels.factor_positive_float(matrix.data(), n, begin, width, system.data(), inverses.data());
         kernels.solve_lower_float(system.data() + begin, n, width, inverses.data(), lower.data());
         kernels.solve_factored_float(system.data() + begin, n, width, inverses.data(), x.data());
         kernels.solve_for_one_float(system.data(), n, begin, width, inverses.data(), x_of_one.data());
@@ -393,7 +406,7 @@ TEST_P(DoubleKernelsTest, FactorsAndSolvesInSinglePrecision)
             << n;
         EXPECT_NEAR(pivot, u.diagonal().cwiseAbs2().cwiseQuotient(a.diagonal()).minCoeff(), 1e-5);
         AlignedBuffer<float> inverse = random_floats(random, static_cast<std::size_t>(n) * width);
-        kernels.invert_factor_float(system.data() + begin, n, width, inverse.data(), width);
+        kernels.invert_factor_float(system.data() + begin, n, width, inverses.data(), inverse.data(), width);
         EXPECT_THAT(Eigen::MatrixXd(u.transpose() * matrix_of(inverse, n, width)),
                     IsNear(Eigen::MatrixXd(Eigen::MatrixXd::Identity(n, width)), 1e-4))
             << n;
@@ -411,12 +424,14 @@ TEST_P(DoubleKernelsTest, NotPositiveDefiniteIsTold)
             for (int i = 0; i < n; ++i) {
                 system[i * width + i] = i == bad ? -1 : 1;
             }
-            EXPECT_FALSE(kernels.factor_positive(system.data(), n, 0, width, inverse_diagonal.data()) > 0)
+            EXPECT_FALSE(kernels.factor_positive(system.data(), n, 0, width, system.data(), inverse_diagonal.data()) >
+                         0)
                 << n << " " << bad;
             for (int i = 0; i < n; ++i) {
                 system[i * width + i] = i == bad ? std::numeric_limits<double>::quiet_NaN() : 1;
             }
-            EXPECT_FALSE(kernels.factor_positive(system.data(), n, 0, width, inverse_diagonal.data()) > 0)
+            EXPECT_FALSE(kernels.factor_positive(system.data(), n, 0, width, system.data(), inverse_diagonal.data()) >
+                         0)
                 << n << " " << bad;
         }
     }

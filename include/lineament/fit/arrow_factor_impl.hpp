@@ -130,7 +130,8 @@ public:
         float least = 1;
         int row = 0;
         for (const int count : matrix.counts) {
-            const float pivot = kernels.factor_positive_float(own + row * width, count, 0, width, inverses + row);
+            const float pivot =
+                kernels.factor_positive_float(own + row * width, count, 0, width, own + row * width, inverses + row);
             least = pivot < least ? pivot : least;
             if (!(pivot > 0)) {
                 return pivot;
@@ -153,7 +154,8 @@ public:
         kernels.add_gram(beside, num_own, 0, num_beside, matrix.shared_width, shared);
         std::transform(shared, shared + num_beside * matrix.shared_width, shared, std::negate<float>());
         float* shared_inverses = room_for(shared_inverses_, num_beside);
-        const float pivot = kernels.factor_positive_float(shared, num_beside, 0, matrix.shared_width, shared_inverses);
+        const float pivot =
+            kernels.factor_positive_float(shared, num_beside, 0, matrix.shared_width, shared, shared_inverses);
         if (!(pivot > 0)) {
             return pivot;
         }

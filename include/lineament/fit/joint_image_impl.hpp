@@ -300,7 +300,8 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_point_of_match(const OutlineMat
                                                                 PackedPoints& points)
 {
     if (!match.is_silhouette) {
-        points.set_between(to, context_->points.candidates, match.position, match.position + 1, match.fraction);
+        points.set_between(context_->kernels, to, context_->points.candidates, match.position, match.position + 1,
+                           match.fraction);
         return;
     }
     const int vertex = silhouette_vertices_[static_cast<std::size_t>(match.position)];

@@ -7,6 +7,7 @@
 #include "lineament/fit/model_points.hpp"
 #include "lineament/fit/roomy_matrix_impl.hpp"
 #include "lineament/kernels/kernels.hpp"
+#include "lineament/kernels/scalar_kernels.hpp"
 
 #include <Eigen/Core>
 
@@ -42,13 +43,14 @@ public:
     }
 
     /// Row by row (1 - fraction) times those of one point of `other` and fraction times those of another.
-    void set_between(Eigen::Index to, const PackedRows& other, Eigen::Index first, Eigen::Index next, float fraction)
+    /// @param kernels  May be nullptr.
+    void set_between(const kernels::Kernels* kernels, Eigen::Index to, const PackedRows& other, Eigen::Index first,
+                     Eigen::Index next, float fraction)
     {
-        using Rows = Eigen::Map<const Eigen::ArrayXf>;
+        const auto blend_rows = kernels != nullptr ? kernels->blend_rows : kernels::scalar_kernels().blend_rows;
         const Eigen::Index size = 3 * width_;
-        Eigen::Map<Eigen::ArrayXf>(rows_.data() + to * size, size) =
-            (1 - fraction) * Rows(other.rows_.data() + first * size, size) +
-            fraction * Rows(other.rows_.data() + next * size, size);
+        blend_rows(other.rows_.data() + first * size, other.rows_.data() + next * size, fraction,
+                   static_cast<int>(size), rows_.data() + to * size);
     }
 
     [[nodiscard]] int width() const { return width_; }
@@ -146,11 +148,12 @@ struct PackedPoints
     }
 
     /// The point between two neighbours of `other`.
-    void set_between(Eigen::Index to, const PackedPoints& other, Eigen::Index first, Eigen::Index next, double fraction)
+    void set_between(const kernels::Kernels* kernels, Eigen::Index to, const PackedPoints& other, Eigen::Index first,
+                     Eigen::Index next, double fraction)
     {
         mean.col(to) = (1 - fraction) * other.mean.col(first) + fraction * other.mean.col(next);
-        identity.set_between(to, other.identity, first, next, static_cast<float>(fraction));
-        expression.set_between(to, other.expression, first, next, static_cast<float>(fraction));
+        identity.set_between(kernels, to, other.identity, first, next, static_cast<float>(fraction));
+        expression.set_between(kernels, to, other.expression, first, next, static_cast<float>(fraction));
     }
 
     /// The points of one person: the identity's columns are in the mean.

@@ -68,7 +68,7 @@ public:
         width_ = kernels::round_up(static_cast<int>(size_), kernels::width_step);
         begin_ = 0;
         set_upper(matrix, damping, single_);
-        if (!factor_single()) {
+        if (!factor_single(single_.data())) {
             width_ = kernels::round_up(static_cast<int>(size_), kernels::double_step);
             set_upper(matrix, damping, double_);
             factor_double();
@@ -83,13 +83,16 @@ public:
         is_arrow_ = false;
         width_ = matrix.width();
         begin_ = matrix.begin();
-        const int n = static_cast<int>(size_);
+        const float* rows = matrix.rows.data() + begin_ * width_;
         float* system = room_for(single_, size_ * width_);
-        std::copy_n(matrix.rows.data() + begin_ * width_, size_ * width_, system);
-        for (int i = 0; i < n && damping > 0; ++i) {
-            system[i * (width_ + 1) + begin_] *= static_cast<float>(1 + damping);
+        if (damping > 0) {
+            std::copy_n(rows, size_ * width_, system);
+            for (Eigen::Index i = 0; i < size_; ++i) {
+                system[i * (width_ + 1) + begin_] *= static_cast<float>(1 + damping);
+            }
+            rows = system;
         }
-        return factor_single();
+        return factor_single(rows);
     }
 
     /// By kernels in single precision, of the matrix of [shared | own of each image] that eliminating the hidden
@@ -202,7 +205,8 @@ public:
             return sum;
         };
         if (kernels_ != nullptr && is_single_) {
-            const auto root = set_root(n, single_.data() + begin_, single_root_, kernels_->invert_factor_float);
+            const auto root =
+                set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float);
             return weights.size() > 0 ? trace(root) : leading_squares(root, count);
         }
         return trace(inverse_root(n));
@@ -217,7 +221,8 @@ public:
         if (kernels_ == nullptr || !is_single_) {
             return inverse(n).leftCols(count);
         }
-        const auto root = set_root(n, single_.data() + begin_, single_root_, kernels_->invert_factor_float);
+        const auto root =
+            set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float);
         const int width = static_cast<int>(root.outerStride());
         const int num_rows = kernels::round_up(static_cast<int>(count), 4);
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, num_rows * width), num_rows, width);
@@ -276,10 +281,10 @@ private:
         return system.data();
     }
 
-    /// Of what `single_` holds.
-    [[nodiscard]] bool factor_single()
+    /// Into `single_`, of rows there or elsewhere.
+    [[nodiscard]] bool factor_single(const float* rows)
     {
-        is_single_ = kernels_->factor_positive_float(single_.data(), static_cast<int>(size_), begin_, width_,
+        is_single_ = kernels_->factor_positive_float(rows, static_cast<int>(size_), begin_, width_, single_.data(),
                                                      room_for(single_inverses_, size_)) > least_pivot;
         return is_single_;
     }
@@ -296,7 +301,7 @@ private:
     void factor_double()
     {
         is_single_ = false;
-        if (!(kernels_->factor_positive(double_.data(), static_cast<int>(size_), 0, width_,
+        if (!(kernels_->factor_positive(double_.data(), static_cast<int>(size_), 0, width_, double_.data(),
                                         room_for(inverses_, size_)) > 0)) {
             std::fill_n(double_.data(), size_ * width_, std::numeric_limits<double>::quiet_NaN());
             std::fill_n(inverses_.data(), size_, std::numeric_limits<double>::quiet_NaN());
@@ -320,10 +325,11 @@ private:
 
     /// U^-T of the leading n unknowns.
     template <typename T, typename Invert>
-    Rows<T> set_root(Eigen::Index n, const T* system, AlignedBuffer<T>& root, Invert invert)
+    Rows<T> set_root(Eigen::Index n, const T* system, const AlignedBuffer<T>& inverses, AlignedBuffer<T>& root,
+                     Invert invert)
     {
         const int width = kernels::round_up(static_cast<int>(n), kernels::width_step);
-        invert(system, static_cast<int>(n), width_, room_for(root, n * width), width);
+        invert(system, static_cast<int>(n), width_, inverses.data(), room_for(root, n * width), width);
         return {root.data(), n, n, Eigen::OuterStride<>(width)};
     }
 
@@ -331,13 +337,13 @@ private:
     Rows<double> inverse_root(Eigen::Index n)
     {
         if (kernels_ != nullptr && !is_single_) {
-            return set_root(n, double_.data(), root_, kernels_->invert_factor);
+            return set_root(n, double_.data(), inverses_, root_, kernels_->invert_factor);
         }
         const int width = kernels::round_up(static_cast<int>(n), kernels::width_step);
         Rows<double> root(room_for(root_, n * width), n, n, Eigen::OuterStride<>(width));
         if (kernels_ != nullptr) {
             Rows<double>(root.data(), n, width, Eigen::OuterStride<>(width)).setZero();
-            root = set_root(n, single_.data() + begin_, single_root_, kernels_->invert_factor_float)
+            root = set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float)
                        .template cast<double>();
         } else if (n > 0) {
             root = cholesky_.matrixLLT().topLeftCorner(n, n).triangularView<Eigen::Lower>().solve(

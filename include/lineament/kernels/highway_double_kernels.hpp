@@ -157,6 +157,16 @@ inline void project_points(const float* point_rows, int width, int num_points, c
     }
 }
 
+inline void blend_rows(const float* first, const float* second, float fraction, int count, float* out)
+{
+    const hn::CappedTag<float, double_step> d;
+    const auto of_first = hn::Set(d, 1 - fraction), of_second = hn::Set(d, fraction);
+    for (int i = 0; i < count; i += static_cast<int>(hn::Lanes(d))) {
+        hn::Store(hn::MulAdd(of_second, hn::Load(d, second + i), hn::Mul(of_first, hn::Load(d, first + i))), d,
+                  out + i);
+    }
+}
+
 inline void turn_columns(const double* columns, int count, int num_columns, float* out, int out_step)
 {
     const hn::CappedTag<double, 4> d;

@@ -35,9 +35,9 @@ inline void add_lower_gram(const double* lower, int n, int width, double* gram)
             const double* rows = lower + c * width;
             double* target = gram + i * width + c;
             if (c + 2 * step <= width) {
-                add_products<2, Sign::plus>(rows + c, rows + i, n - c, width, width, target);
+                add_products<2, Sign::plus>(rows + c, rows + i, n - c, width, width, target, target);
             } else {
-                add_products<1, Sign::plus>(rows + c, rows + i, n - c, width, width, target);
+                add_products<1, Sign::plus>(rows + c, rows + i, n - c, width, width, target, target);
             }
         }
     }
@@ -64,7 +64,7 @@ inline float sum_squares(const float* numbers, int count)
 
 /// U row by row in blocks of four.
 template <class T>
-T factor_positive(T* system, int n, int begin, int width, T* inverse_diagonal)
+T factor_positive(const T* matrix, int n, int begin, int width, T* system, T* inverse_diagonal)
 {
     const FullTag<T> d;
     using Numbers = hn::Vec<FullTag<T>>;
@@ -77,9 +77,10 @@ T factor_positive(T* system, int n, int begin, int width, T* inverse_diagonal)
         T* r2 = r1 + width;
         T* r3 = r2 + width;
         const int at = begin + i;
-        const T diagonal[4] = {r0[at], r1[at + 1], r2[at + 2], r3[at + 3]};
+        const T* rows = matrix + i * width;
+        const T diagonal[4] = {rows[at], rows[width + at + 1], rows[2 * width + at + 2], rows[3 * width + at + 3]};
         const int first = at / step * step;
-        add_products_from<Sign::minus>(first, system, system + at, i, width, width, r0);
+        add_products_from<Sign::minus>(first, system, system + at, i, width, width, rows, r0);
 
         // The block's own triangle, D^-1 first: the only long chain is one division a row. Then its rows.
         const T d0 = r0[at];
@@ -120,6 +121,9 @@ T factor_positive(T* system, int n, int begin, int width, T* inverse_diagonal)
     for (; i < n; ++i) { // what is left of a block
         T* row = system + i * width;
         const int at = begin + i, first = at / step * step;
+        if (matrix != system) {
+            std::copy(matrix + i * width + first, matrix + (i + 1) * width, row + first);
+        }
         const T diagonal = row[at];
         const T* above = system;
         for (int k = 0; k < i; ++k, above += width) {
@@ -390,7 +394,7 @@ inline void solve_for_one(const float* system, int n, int begin, int width, cons
 
 /// U^-T row by row in blocks of four.
 template <class T>
-void invert_factor(const T* system, int n, int width, T* inverse, int inverse_width)
+void invert_factor(const T* system, int n, int width, const T* inverse_diagonal, T* inverse, int inverse_width)
 {
     const FullTag<T> d;
     using Numbers = hn::Vec<FullTag<T>>;
@@ -406,16 +410,16 @@ void invert_factor(const T* system, int n, int width, T* inverse, int inverse_wi
             const T* factors = system + c * width + i;
             T* target = inverse + i * inverse_width + c;
             if (c + 2 * step <= inverse_width) {
-                add_products<2, Sign::minus>(above, factors, i - c, inverse_width, width, target);
+                add_products<2, Sign::minus>(above, factors, i - c, inverse_width, width, target, target);
             } else {
-                add_products<1, Sign::minus>(above, factors, i - c, inverse_width, width, target);
+                add_products<1, Sign::minus>(above, factors, i - c, inverse_width, width, target, target);
             }
         }
         const T* u0 = system + i * width + i;
         const T* u1 = u0 + width;
         const T* u2 = u1 + width;
-        const T* u3 = u2 + width;
-        const T s0 = 1 / u0[0], s1 = 1 / u1[1], s2 = 1 / u2[2], s3 = 1 / u3[3];
+        const T s0 = inverse_diagonal[i], s1 = inverse_diagonal[i + 1];
+        const T s2 = inverse_diagonal[i + 2], s3 = inverse_diagonal[i + 3];
         T* r0 = inverse + i * inverse_width;
         T* r1 = r0 + inverse_width;
         T* r2 = r1 + inverse_width;
@@ -443,7 +447,7 @@ void invert_factor(const T* system, int n, int width, T* inverse, int inverse_wi
                           row + c);
             }
         }
-        const Numbers scale = hn::Set(d, 1 / system[i * width + i]);
+        const Numbers scale = hn::Set(d, inverse_diagonal[i]);
         for (int c = 0; c <= i; c += step) {
             hn::Store(hn::Mul(scale, hn::Load(d, row + c)), d, row + c);
         }

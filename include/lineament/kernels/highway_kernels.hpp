@@ -305,6 +305,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     multiply_wide,
                                     add_wide,
                                     project_points,
+                                    blend_rows,
                                     turn_columns,
                                     add_turned_points,
                                     camera_residuals,

@@ -28,7 +28,8 @@ namespace lineament::kernels::HWY_NAMESPACE {
 inline void add_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
 {
     for (int i = begin; i < end; i += 4) {
-        add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width, gram + i * width);
+        float* target = gram + i * width;
+        add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width, target, target);
     }
 }
 
@@ -58,7 +59,7 @@ inline float solve_positive(float* system, int n, int width, float* x)
                       factors + 4 * k);
         }
         const int first = i / lanes * lanes;
-        add_products_from<Sign::minus>(first, system, factors, i, width, 4, r0);
+        add_products_from<Sign::minus>(first, system, factors, i, width, 4, r0, r0);
 
         // The block's own triangle, then its rows.
         const float d0 = r0[i];

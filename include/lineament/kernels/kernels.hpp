@@ -175,6 +175,9 @@ struct Kernels
     void (*project_points)(const float* point_rows, int width, int num_points, const double* jacobians, double scale,
                            float* out, int out_width);
 
+    /// out[i] = (1 - fraction) first[i] + fraction second[i] for i < count, a multiple of double_step.
+    void (*blend_rows)(const float* first, const float* second, float fraction, int count, float* out);
+
     /// out[i out_step + k] = columns[k count + i] for i < count, k < num_columns.
     void (*turn_columns)(const double* columns, int count, int num_columns, float* out, int out_step);
 
@@ -208,11 +211,13 @@ struct Kernels
     /// gram += L^T L of a lower triangular L with n rows of `width` >= n, upper triangle (more may be written).
     void (*add_lower_gram)(const double* lower, int n, int width, double* gram);
 
-    /// Turns the upper triangle of n columns of `system` (n rows) from `begin` on, A, into U with A = U^T U, and each
-    /// further column b, up to the width, into U^-T b; `begin` is a multiple of four. What is left of the diagonal is
-    /// not read, and is spoilt. inverse_diagonal[i] becomes 1 / U_ii. Returns the least pivot relative to A's diagonal:
-    /// <= 0 or NaN where A is not positive definite to rounding, and then `system` is spoilt.
-    double (*factor_positive)(double* system, int n, int begin, int width, double* inverse_diagonal);
+    /// Of the upper triangle of n columns of `matrix` (n rows) from `begin` on, A, `system` becomes U with A = U^T U,
+    /// and of each further column b, up to the width, U^-T b; `begin` is a multiple of four. What is left of the
+    /// diagonal is not read, and is spoilt. `system` may be `matrix`. inverse_diagonal[i] becomes 1 / U_ii. Returns the
+    /// least pivot relative to A's diagonal: <= 0 or NaN where A is not positive definite to rounding, and then
+    /// `system` is spoilt.
+    double (*factor_positive)(const double* matrix, int n, int begin, int width, double* system,
+                              double* inverse_diagonal);
 
     // What has been factored is given from its first column on, of any alignment.
 
@@ -220,10 +225,12 @@ struct Kernels
     void (*solve_factored)(const double* system, int n, int width, const double* inverse_diagonal, double* x);
 
     /// U^-T (n rows of inverse_width >= n, 0 above the diagonal) for U of factor_positive or its leading n rows.
-    void (*invert_factor)(const double* system, int n, int width, double* inverse, int inverse_width);
+    void (*invert_factor)(const double* system, int n, int width, const double* inverse_diagonal, double* inverse,
+                          int inverse_width);
 
     // The same in single precision; rows have a multiple of width_step floats.
-    float (*factor_positive_float)(float* system, int n, int begin, int width, float* inverse_diagonal);
+    float (*factor_positive_float)(const float* matrix, int n, int begin, int width, float* system,
+                                   float* inverse_diagonal);
     void (*solve_factored_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
     /// The same for one right side, x, of which what lies beside the n columns from `begin` on becomes 0; `system` and
     /// x are whole rows of `width`, and `begin` is a multiple of four.
@@ -231,7 +238,8 @@ struct Kernels
                                 float* x);
     /// X = U^-T X alone; rows of zeros that X begins with cost next to nothing.
     void (*solve_lower_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
-    void (*invert_factor_float)(const float* system, int n, int width, float* inverse, int inverse_width);
+    void (*invert_factor_float)(const float* system, int n, int width, const float* inverse_diagonal, float* inverse,
+                                int inverse_width);
     float (*sum_squares_float)(const float* numbers, int count); ///< Of a multiple of width_step.
 };
 

@@ -359,6 +359,13 @@ inline void project_points(const float* point_rows, int width, int num_points, c
     }
 }
 
+inline void blend_rows(const float* first, const float* second, float fraction, int count, float* out)
+{
+    for (int i = 0; i < count; ++i) {
+        out[i] = (1 - fraction) * first[i] + fraction * second[i];
+    }
+}
+
 inline void turn_columns(const double* columns, int count, int num_columns, float* out, int out_step)
 {
     for (int i = 0; i < count; ++i) {
@@ -395,9 +402,12 @@ inline void add_lower_gram(const double* lower, int n, int width, double* gram)
 }
 
 template <typename T>
-T factor_positive(T* system, int n, int begin, int width, T* inverse_diagonal)
+T factor_positive(const T* matrix, int n, int begin, int width, T* system, T* inverse_diagonal)
 {
     T least = 1;
+    if (matrix != system) {
+        std::copy_n(matrix, n * width, system);
+    }
     system += begin;
     for (int i = 0; i < n; ++i) {
         T* row = system + i * width;
@@ -494,7 +504,7 @@ inline void camera_derivatives(const PerspectiveCamera& camera, const double* po
 }
 
 template <typename T>
-void invert_factor(const T* system, int n, int width, T* inverse, int inverse_width)
+void invert_factor(const T* system, int n, int width, const T* inverse_diagonal, T* inverse, int inverse_width)
 {
     for (int i = 0; i < n; ++i) {
         T* row = inverse + i * inverse_width;
@@ -508,7 +518,7 @@ void invert_factor(const T* system, int n, int width, T* inverse, int inverse_wi
             }
         }
         for (int c = 0; c <= i; ++c) {
-            row[c] /= system[i * width + i];
+            row[c] *= inverse_diagonal[i];
         }
     }
 }
@@ -592,6 +602,7 @@ namespace lineament::kernels {
                                       scalar::multiply_wide,
                                       scalar::add_wide,
                                       scalar::project_points,
+                                      scalar::blend_rows,
                                       scalar::turn_columns,
                                       scalar::add_turned_points,
                                       scalar::camera_residuals,
