@@ -64,6 +64,20 @@ TEST(JointFitter, MoreImagesKnowMoreButNotWhatIsCommonToAll)
     EXPECT_LT(ten_biased, ten_ignoring);
 }
 
+TEST(JointFitter, FirstStepsOfSeveralImagesDoNotGoTooFar)
+{
+    Random random(163);
+    for (int trial = 0; trial < 6; ++trial) {
+        const Planted planted = plant(random, 10, 0.5, 1.0);
+        const JointFitter fitter(synthetic_face(), "ibug68", JointOptions{}, &kernels::scalar_kernels());
+        const JointFramesResult result = fitter.fit_frames(planted.images, centre);
+        EXPECT_EQ(result.status, FitStatus::success);
+        const std::vector<EnergyStep>& energies = result.frames[0].energies;
+        EXPECT_LT(energies[1].energy, 0.25 * energies[0].energy);
+        EXPECT_LE(result.frames[0].fit.iterations, 9);
+    }
+}
+
 TEST(JointFitter, KernelsGiveTheSameFace)
 {
     Random random(161);

@@ -28,6 +28,7 @@ TEST(RobustLoss, WeightIsTheDerivativeAndTheLossNeverFalls)
                     (2 * step);
                 EXPECT_NEAR(robust_derivatives(loss, u, dimensions).curvature,
                             std::max(0.1 * numeric, numeric + 2.0 / dimensions * u * slope), 1e-6);
+                EXPECT_EQ(robust_derivatives(loss, u, dimensions, 1.0).curvature, robust_weight(loss, u, dimensions));
             }
         }
     }

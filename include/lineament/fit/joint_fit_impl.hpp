@@ -170,13 +170,15 @@ inline void JointFit::run()
         state_.phi_per_mm *= reference / problem_.reference_scale; // the same focal length
         problem_.reference_scale = reference;
         // Before the last round it is enough to come near, after the first by a step with the matrix that there is.
-        RoundLimits limits{round == 0 ? 2 : 1, 0.1, round == 0};
+        // Biases let several images follow each landmark, and with h too far where it is small.
+        RoundLimits limits{round == 0 ? 2 : 1, 0.1, round == 0, num_images > 1};
         if (is_last) {
             limits = {options().max_iterations, options().tolerance, true};
             scratch_.keeps_matrix = false;
         }
         minimize(problem_, state_, limits, round, scratch_, progress_);
     }
+    problem_.reweighs = false;
     shown_ = state_;
     is_turned_.clear();
     for (std::size_t f = 0; f < used_.size(); ++f) {

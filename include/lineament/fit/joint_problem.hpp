@@ -151,12 +151,16 @@ public:
         num_expressions_ = num_expressions;
         bias_variances_mm.resize(3, 0);
         reference_scale = 1.0;
+        reweighs = false;
     }
 
     std::vector<JointImage> images = {};
     Eigen::Matrix3Xd bias_variances_mm = {}; ///< 3 x L, where there are biases, along x, y, z of model space [mm^2].
     double reference_scale = 1.0;            ///< phi of the shared focal length is that of an image of this scale.
     bool holds_cameras = false;              ///< They are known.
+    /// rho' stands for h. As rho is concave, the parabola of this matrix is nowhere below the energy of linear
+    /// residuals: a step lowers it from however far.
+    bool reweighs = false;
     /// For residuals and derivatives of points, products with the model's rows, and, in single precision, J^T W J and
     /// what biases take off it; nullptr: by Eigen in double precision. The model's rows are in single precision.
     const kernels::Kernels* kernels = nullptr;

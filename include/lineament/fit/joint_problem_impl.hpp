@@ -145,15 +145,16 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
     RoomyMatrix<Eigen::VectorXd>& root_curvatures = terms.root_curvatures;
     root_curvatures.resize(count);
     terms.residuals.resize(count, 2);
+    const double least = reweighs ? 1.0 : least_curvature;
     const bool is_by_kernel = kernels != nullptr && options_->loss == RobustLoss::student_t;
     if (is_by_kernel) {
-        kernels->weigh_by_student_t(placed.residuals.data(), seen.dimensions.data(), student_t_degrees,
+        kernels->weigh_by_student_t(placed.residuals.data(), seen.dimensions.data(), student_t_degrees, least,
                                     static_cast<int>(count), root_curvatures.data(), terms.residuals.data());
     }
     for (Eigen::Index i = 0; i < count && !is_by_kernel; ++i) {
         const double squared = placed.squared_residual(i);
         const int num_dimensions = seen.used[static_cast<std::size_t>(i)].num_dimensions;
-        const RobustDerivatives at = robust_derivatives(options_->loss, squared, num_dimensions);
+        const RobustDerivatives at = robust_derivatives(options_->loss, squared, num_dimensions, least);
         const double root = std::sqrt(at.curvature);
         root_curvatures[i] = root;
         terms.residuals.row(i) = at.weight / root * placed.residuals.row(i);

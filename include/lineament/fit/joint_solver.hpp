@@ -84,11 +84,13 @@ struct RoundLimits
     int max_iterations = 1;
     double tolerance = 0.1;
     bool sets_scale_strengths = true; ///< At the first step, if its matrix is new.
+    bool reweighs = false;            ///< Has rho' in place of h.
 };
 
-/// Lowers the energy of a round by damped Gauss-Newton steps, whose matrix is kept while the steps are short, until
-/// what is left to go after a step is `tolerance` posterior standard deviations long (step^T H step = -gradient^T step,
-/// times the rate at which that falls), or the iterations are used up.
+/// Lowers the energy of a round by damped Gauss-Newton steps, whose matrix is kept while the steps are short (of
+/// several images, by one with rho' in place of h before any is damped), until what is left to go after a step is
+/// `tolerance` posterior standard deviations long (step^T H step = -gradient^T step, times the rate at which that
+/// falls), or the iterations are used up.
 void minimize(JointProblem& problem, JointState& state, const RoundLimits& limits, int round, JointScratch& scratch,
               JointProgress& progress);
 

@@ -243,6 +243,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
     problem.place(state, placed);
     for (int iteration = 0; iteration < limits.max_iterations && !progress.has_settled; ++iteration) {
         ++progress.iterations;
+        problem.reweighs = limits.reweighs;
         if (!keeps_matrix || !problem.renew_gradient(state, placed, system)) {
             keeps_matrix = false;
             problem.linearize_free(state, placed, system);
@@ -288,7 +289,9 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             if (progress.has_settled || damping > 1e9) {
                 return;
             }
-            if (keeps_matrix) {
+            const bool may_reweigh = problem.images.size() > 1 && !problem.reweighs;
+            if (keeps_matrix || may_reweigh) {
+                problem.reweighs = !keeps_matrix || problem.reweighs;
                 keeps_matrix = false;
                 problem.linearize_free(state, placed, system);
             } else {

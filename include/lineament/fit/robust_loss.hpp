@@ -76,16 +76,19 @@ private:
     double products_[num_chains][2] = {{1, 1}, {1, 1}, {1, 1}, {1, 1}}; ///< Of residuals of one and of two dimensions.
 };
 
+/// The least curvature of those below, in units of the weight, so that it stays positive.
+inline constexpr double least_curvature = 0.1;
+
 /// What a residual says of the unknowns, and how hard it pulls.
 struct RobustDerivatives
 {
     double weight = 1.0; ///< rho'(u): of the residual in re-weighted least squares.
-    /// rho'(u) + (2/d) u rho''(u): of rho(|z|^2) / 2 in z, averaged over directions; at least a tenth of the weight, so
-    /// that it stays positive.
+    /// rho'(u) + (2/d) u rho''(u): of rho(|z|^2) / 2 in z, averaged over directions; at least `least` times the weight.
     double curvature = 1.0;
 };
 
-[[nodiscard]] inline RobustDerivatives robust_derivatives(RobustLoss loss, double squared_residual, int num_dimensions)
+[[nodiscard]] inline RobustDerivatives robust_derivatives(RobustLoss loss, double squared_residual, int num_dimensions,
+                                                          double least = least_curvature)
 {
     double weight = 1.0, relative_slope = 0.0; // rho' and -u rho'' / rho'
     switch (loss) {
@@ -104,7 +107,7 @@ struct RobustDerivatives
         break;
     }
     }
-    return {weight, weight * std::max(0.1, 1 - 2.0 / num_dimensions * relative_slope)};
+    return {weight, weight * std::max(least, 1 - 2.0 / num_dimensions * relative_slope)};
 }
 
 [[nodiscard]] inline double robust_weight(RobustLoss loss, double squared_residual, int num_dimensions)

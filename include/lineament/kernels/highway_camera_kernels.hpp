@@ -77,8 +77,8 @@ inline void camera_residuals(const PerspectiveCamera& camera, const double* poin
 }
 
 template <class Tag>
-HWY_INLINE int weigh_by_student_t_from(Tag d, const double* residuals, const double* dimensions, double nu, int count,
-                                       int begin, double* roots, double* weighted)
+HWY_INLINE int weigh_by_student_t_from(Tag d, const double* residuals, const double* dimensions, double nu,
+                                       double least, int count, int begin, double* roots, double* weighted)
 {
     using Vector = hn::Vec<Tag>;
     const int step = static_cast<int>(hn::Lanes(d));
@@ -91,7 +91,7 @@ HWY_INLINE int weigh_by_student_t_from(Tag d, const double* residuals, const dou
         const Vector inverse = hn::Div(one, hn::Add(degrees, squared));
         const Vector weight = hn::Mul(hn::Add(degrees, dimension), inverse);
         const Vector slope = hn::Mul(hn::Div(hn::Set(d, 2.0), dimension), hn::Mul(squared, inverse));
-        const Vector root = hn::Sqrt(hn::Mul(weight, hn::Max(hn::Set(d, 0.1), hn::Sub(one, slope))));
+        const Vector root = hn::Sqrt(hn::Mul(weight, hn::Max(hn::Set(d, least), hn::Sub(one, slope))));
         const Vector factor = hn::Div(weight, root);
         hn::StoreU(root, d, roots + i);
         hn::StoreU(hn::Mul(factor, x), d, weighted + i);
@@ -100,12 +100,14 @@ HWY_INLINE int weigh_by_student_t_from(Tag d, const double* residuals, const dou
     return i;
 }
 
-inline void weigh_by_student_t(const double* residuals, const double* dimensions, double nu, int count, double* roots,
-                               double* weighted)
+inline void weigh_by_student_t(const double* residuals, const double* dimensions, double nu, double least, int count,
+                               double* roots, double* weighted)
 {
-    int i = weigh_by_student_t_from(hn::CappedTag<double, 8>(), residuals, dimensions, nu, count, 0, roots, weighted);
-    i = weigh_by_student_t_from(hn::CappedTag<double, 2>(), residuals, dimensions, nu, count, i, roots, weighted);
-    weigh_by_student_t_from(hn::CappedTag<double, 1>(), residuals, dimensions, nu, count, i, roots, weighted);
+    int i = weigh_by_student_t_from(hn::CappedTag<double, 8>(), residuals, dimensions, nu, least, count, 0, roots,
+                                    weighted);
+    i = weigh_by_student_t_from(hn::CappedTag<double, 2>(), residuals, dimensions, nu, least, count, i, roots,
+                                weighted);
+    weigh_by_student_t_from(hn::CappedTag<double, 1>(), residuals, dimensions, nu, least, count, i, roots, weighted);
 }
 
 template <class Tag>

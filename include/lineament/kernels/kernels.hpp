@@ -196,11 +196,11 @@ struct Kernels
                              const double* roots, int count, double* residuals);
 
     /// Residuals (x, y) at residuals[i] and residuals[count + i] under Student's t of nu degrees of freedom, squared u,
-    /// D = dimensions[i]: the root of the curvature, roots[i] = sqrt(w max(0.1, 1 - 2 u / (D (nu + u)))) with the
+    /// D = dimensions[i]: the root of the curvature, roots[i] = sqrt(w max(least, 1 - 2 u / (D (nu + u)))) with the
     /// weight w = (nu + D) / (nu + u), and (x, y) w / roots[i] at weighted[i] and weighted[count + i]. Nothing is read
     /// or written beyond `count`; any alignment.
-    void (*weigh_by_student_t)(const double* residuals, const double* dimensions, double nu, int count, double* roots,
-                               double* weighted);
+    void (*weigh_by_student_t)(const double* residuals, const double* dimensions, double nu, double least, int count,
+                               double* roots, double* weighted);
 
     /// Derivatives of camera_residuals, times factors[i], in rows of `count`: by the point (2 x 3), by the camera (2 x
     /// 6: turn in its axes, log scale, translation), both row by row, by phi (2). The scale moves phi too, and takes

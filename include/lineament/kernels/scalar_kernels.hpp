@@ -448,15 +448,15 @@ inline void camera_residuals(const PerspectiveCamera& camera, const double* poin
     }
 }
 
-inline void weigh_by_student_t(const double* residuals, const double* dimensions, double nu, int count, double* roots,
-                               double* weighted)
+inline void weigh_by_student_t(const double* residuals, const double* dimensions, double nu, double least, int count,
+                               double* roots, double* weighted)
 {
     for (int i = 0; i < count; ++i) {
         const double x = residuals[i], y = residuals[count + i];
         const double squared = x * x + y * y;
         const double inverse = 1 / (nu + squared);
         const double weight = (nu + dimensions[i]) * inverse;
-        roots[i] = std::sqrt(weight * std::max(0.1, 1 - 2 / dimensions[i] * squared * inverse));
+        roots[i] = std::sqrt(weight * std::max(least, 1 - 2 / dimensions[i] * squared * inverse));
         const double factor = weight / roots[i];
         weighted[i] = factor * x;
         weighted[count + i] = factor * y;
