@@ -46,8 +46,10 @@ TEST(PositiveFactor, SolvesAndInvertsWhateverItHeldBefore)
             const Eigen::MatrixXd of_leading = matrix.topLeftCorner(leading, leading).inverse();
             EXPECT_THAT(factor.inverse(leading), IsNear(of_leading, rounding));
             EXPECT_THAT(factor.inverse(n), IsNear(inverse, rounding));
-            EXPECT_THAT(factor.inverse_columns(leading, count),
+            Eigen::MatrixXd hidden;
+            EXPECT_THAT(factor.inverse_columns(leading, count, hidden),
                         IsNear(Eigen::MatrixXd(of_leading.leftCols(count)), rounding));
+            EXPECT_EQ(hidden.rows(), 0);
             EXPECT_NEAR(factor.inverse_trace(leading, count, {}), of_leading.topLeftCorner(count, count).trace(),
                         rounding);
             const Eigen::MatrixXd weights = matrix.topLeftCorner(count, count);
@@ -205,13 +207,22 @@ TEST(PositiveFactor, SolvesImageByImage)
                     const std::vector<int> some = {12, 0, 13, 10, 3, 9, 14, 8, 11}; // more than a kernel takes at once
                     EXPECT_THAT(factor.inverse_block(some),
                                 IsNear(Eigen::MatrixXd(damped.inverse()(some, some)), 1e-4));
+                    for (const std::size_t num_before : {3, 7}) { // one after the other
+                        const std::vector<int> more(some.begin(), some.begin() + static_cast<int>(num_before) + 2);
+                        (void)factor.inverse_block({some.begin(), some.begin() + static_cast<int>(num_before)});
+                        EXPECT_THAT(factor.inverse_block(more, num_before),
+                                    IsNear(Eigen::MatrixXd(damped.inverse()(more, more)), 1e-4));
+                    }
                 }
-                EXPECT_THAT(factor.inverse_columns(visible.rows(), 7),
+                Eigen::MatrixXd hidden;
+                EXPECT_THAT(factor.inverse_columns(visible.rows(), 7, hidden),
                             IsNear(Eigen::MatrixXd(visible.inverse().leftCols(7)), 1e-4));
+                EXPECT_THAT(hidden,
+                            IsNear(Eigen::MatrixXd(arrow.all.inverse().block(0, num_hidden, num_hidden, 7)), 1e-4));
                 const std::vector<int> kept = {0, 2, 7, 8, 9, 11, static_cast<int>(visible.rows()) - 1};
                 const detail::ArrowMatrix block = arrow.matrix.block(kept);
                 ASSERT_TRUE(factor.factor(block, 0.0));
-                EXPECT_THAT(factor.inverse_columns(7, 4),
+                EXPECT_THAT(factor.inverse_columns(7, 4, hidden),
                             IsNear(Eigen::MatrixXd(Eigen::MatrixXd(visible(kept, kept)).inverse().leftCols(4)), 1e-4));
                 factor.factor(visible); // nothing of the arrow stays
                 EXPECT_THAT(solved(factor, b), IsNear(Eigen::MatrixXd(visible.inverse() * b), 1e-4));

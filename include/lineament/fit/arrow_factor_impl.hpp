@@ -224,8 +224,9 @@ public:
         return result;
     }
 
-    /// The first `count` columns of the inverse, of shared unknowns; the hidden ones left out.
-    [[nodiscard]] Eigen::MatrixXd inverse_columns(int count)
+    /// The first `count` columns of the inverse, of shared unknowns, without their rows of the hidden ones.
+    /// @param hidden  Those rows.
+    [[nodiscard]] Eigen::MatrixXd inverse_columns(int count, Eigen::MatrixXd& hidden)
     {
         constexpr int step = kernels::num_right_sides;
         using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -265,11 +266,13 @@ public:
         Eigen::MatrixXd columns(matrix.num_shared + num_own, count);
         columns.topRows(matrix.num_shared) = beside.bottomLeftCorner(matrix.num_shared, count).cast<double>();
         columns.bottomRows(num_own) = own.leftCols(count).cast<double>();
+        hidden = beside.topLeftCorner(matrix.num_hidden, count).cast<double>();
         return columns;
     }
 
     /// U^-T e_k for some unknowns k of [shared | own of each image], as columns of num_rows() rows of `width`.
-    void set_halves(const std::vector<int>& unknowns, int width, float* halves)
+    /// @param num_before  The first, whose columns are set.
+    void set_halves(const std::vector<int>& unknowns, std::size_t num_before, int width, float* halves)
     {
         constexpr int step = kernels::num_right_sides;
         using SideBySide = Eigen::Matrix<float, Eigen::Dynamic, step, Eigen::RowMajor>;
@@ -279,7 +282,7 @@ public:
         Eigen::Map<SideBySide> beside(room_for(beside_solved_, num_beside * step), num_beside, step);
         float* sums = room_for(sums_, matrix.shared_width);
         float* factors = room_for(factors_, num_own);
-        for (std::size_t begin = 0; begin < unknowns.size(); begin += step) {
+        for (std::size_t begin = num_before; begin < unknowns.size(); begin += step) {
             const int count = static_cast<int>(std::min<std::size_t>(unknowns.size() - begin, step));
             own.setZero();
             beside.setZero();

@@ -128,12 +128,23 @@ LINEAMENT_FIT_INLINE void JointProblem::eliminate_bias_hessian(JointSystem& syst
 }
 
 /// The covariance of alpha with the biases, -Lambda^-1 C V; held coefficients are 0.
-LINEAMENT_FIT_INLINE Eigen::MatrixXd
-JointProblem::bias_spread(const std::vector<int>& linear, const Eigen::MatrixXd& columns, JointSystem& system) const
+LINEAMENT_FIT_INLINE Eigen::MatrixXd JointProblem::bias_spread(const std::vector<int>& linear,
+                                                               const Eigen::MatrixXd& columns,
+                                                               const Eigen::MatrixXd& hidden, JointSystem& system) const
 {
     const Eigen::Index num_linear = columns.rows(), num_alpha = columns.cols();
     const Eigen::Index num_biases = static_cast<Eigen::Index>(system.rows_of_biases.size());
     Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(num_shape(), 3 * num_biases);
+    if (hidden.rows() > 0) {
+        for (Eigen::Index b = 0; b < num_biases; ++b) {
+            const int row = system.rows_of_biases[static_cast<std::size_t>(b)];
+            for (Eigen::Index j = 0; j < num_alpha && row >= 0; ++j) {
+                spread.block<1, 3>(linear[static_cast<std::size_t>(j)], 3 * b) =
+                    hidden.block<3, 1>(3 * row, j).transpose();
+            }
+        }
+        return spread;
+    }
     if (kernels == nullptr) {
         const std::vector<int> alpha(linear.begin(), linear.begin() + num_alpha);
         for (Eigen::Index b = 0; b < num_biases; ++b) {

@@ -255,17 +255,16 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
     }
 }
 
-LINEAMENT_FIT_INLINE std::vector<double> JointProblem::scale_strengths(const JointState& state,
-                                                                       const std::vector<int>& linear,
-                                                                       const Eigen::MatrixXd& columns,
-                                                                       JointSystem& system) const
+LINEAMENT_FIT_INLINE std::vector<double>
+JointProblem::scale_strengths(const JointState& state, const std::vector<int>& linear, const Eigen::MatrixXd& columns,
+                              const Eigen::MatrixXd& hidden, JointSystem& system) const
 {
     const bool has_biases = state.bias.size() > 0;
     const Eigen::Index num_alpha = columns.cols();
     if (num_alpha == 0) {
         return std::vector<double>(images.size(), 0.0); // of no coefficients none is determined
     }
-    const Eigen::MatrixXd spread = has_biases ? bias_spread(linear, columns, system) : Eigen::MatrixXd();
+    const Eigen::MatrixXd spread = has_biases ? bias_spread(linear, columns, hidden, system) : Eigen::MatrixXd();
     Eigen::Matrix3Xd covariances = // of where alpha and a bias move its point, where they are known
         Eigen::Matrix3Xd::Constant(3, spread.cols(), std::numeric_limits<double>::quiet_NaN());
     Eigen::Index own_begin = num_alpha;

@@ -230,8 +230,10 @@ public:
     /// n_f of every image, where there are several or biases.
     /// @param linear   The system's unknowns without cameras.
     /// @param columns  Those of alpha, of the inverse of these unknowns' block.
+    /// @param hidden   Their rows of the biases of the system's arrow, where they are known.
     [[nodiscard]] std::vector<double> scale_strengths(const JointState& state, const std::vector<int>& linear,
-                                                      const Eigen::MatrixXd& columns, JointSystem& system) const;
+                                                      const Eigen::MatrixXd& columns, const Eigen::MatrixXd& hidden,
+                                                      JointSystem& system) const;
 
     /// How far each unknown may go down and up.
     void room(const JointState& state, Eigen::VectorXd& down, Eigen::VectorXd& up) const;
@@ -272,7 +274,7 @@ private:
     }
     [[nodiscard]] int coupling_width() const { return coupling_column(num_unknowns()); }
     [[nodiscard]] Eigen::MatrixXd bias_spread(const std::vector<int>& linear, const Eigen::MatrixXd& columns,
-                                              JointSystem& system) const;
+                                              const Eigen::MatrixXd& hidden, JointSystem& system) const;
     [[nodiscard]] Eigen::Matrix3Xd bias_pulls(const JointSystem& system, const Eigen::VectorXd& step) const;
     void eliminate_bias_gradient(JointSystem& system) const;
     void set_hessian(const JointState& state, JointSystem& system) const;

@@ -53,7 +53,7 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd block_of(const Eigen::Ref<const Eigen::Matr
 inline void set_block_of_held(PositiveFactor& factor, Eigen::Index num_before, StepRoom& room)
 {
     if (factor.is_arrow()) {
-        room.of_held = factor.inverse_block(room.held);
+        room.of_held = factor.inverse_block(room.held, static_cast<std::size_t>(num_before));
         return;
     }
     const Eigen::Index num_held = static_cast<Eigen::Index>(room.held.size());
@@ -222,8 +222,9 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
     const auto num_alpha =
         std::lower_bound(linear_unknowns.begin(), linear_unknowns.end(), static_cast<int>(problem.num_shape())) -
         linear_unknowns.begin();
-    const std::vector<double> strengths =
-        problem.scale_strengths(state, linear_unknowns, lambda.inverse_columns(num_linear, num_alpha), system);
+    Eigen::MatrixXd hidden;
+    const Eigen::MatrixXd columns = lambda.inverse_columns(num_linear, num_alpha, hidden);
+    const std::vector<double> strengths = problem.scale_strengths(state, linear_unknowns, columns, hidden, system);
     for (std::size_t f = 0; f < strengths.size(); ++f) {
         set_scale_strength(problem, f, strengths[f], system);
     }

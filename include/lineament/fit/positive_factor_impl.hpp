@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace lineament::detail {
@@ -128,13 +129,20 @@ public:
     }
 
     /// The block of A^-1 of some unknowns, of an arrow.
-    [[nodiscard]] Eigen::MatrixXd inverse_block(const std::vector<int>& unknowns)
+    /// @param num_before  The first, if the last block was that of these.
+    [[nodiscard]] Eigen::MatrixXd inverse_block(const std::vector<int>& unknowns, std::size_t num_before = 0)
     {
         const Eigen::Index count = static_cast<Eigen::Index>(unknowns.size());
         const int width = kernels::round_up(static_cast<int>(count), kernels::width_step), num_rows = arrow_.num_rows();
-        Eigen::Map<RowMajor<float>> halves(room_for(single_root_, num_rows * width), num_rows, width); // U^-T e_k
+        std::swap(halves_, fewer_halves_);
+        Eigen::Map<RowMajor<float>> halves(room_for(halves_, num_rows * width), num_rows, width); // U^-T e_k
         halves.setZero();
-        arrow_.set_halves(unknowns, width, halves.data());
+        if (num_before > 0) {
+            const int fewer = static_cast<int>(num_before), fewer_width = kernels::round_up(fewer, kernels::width_step);
+            halves.leftCols(fewer) =
+                Eigen::Map<const RowMajor<float>>(fewer_halves_.data(), num_rows, fewer_width).leftCols(fewer);
+        }
+        arrow_.set_halves(unknowns, num_before, width, halves.data());
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, width * width), width, width);
         gram.setZero();
         kernels_->add_gram(halves.data(), num_rows, 0, static_cast<int>(count), width, gram.data());
@@ -213,11 +221,13 @@ public:
     }
 
     /// The leading `count` columns of the inverse of the leading n unknowns' block.
-    [[nodiscard]] Eigen::MatrixXd inverse_columns(Eigen::Index n, Eigen::Index count)
+    /// @param hidden  Their rows of the hidden unknowns of an arrow, or empty.
+    [[nodiscard]] Eigen::MatrixXd inverse_columns(Eigen::Index n, Eigen::Index count, Eigen::MatrixXd& hidden)
     {
         if (is_arrow_) { // n is all
-            return arrow_.inverse_columns(static_cast<int>(count));
+            return arrow_.inverse_columns(static_cast<int>(count), hidden);
         }
+        hidden.resize(0, count);
         if (kernels_ == nullptr || !is_single_) {
             return inverse(n).leftCols(count);
         }
@@ -365,6 +375,7 @@ private:
     AlignedBuffer<float> single_inverses_ = {};
     AlignedBuffer<double> solved_ = {}, root_ = {}, gram_ = {};
     AlignedBuffer<float> single_solved_ = {}, single_root_ = {}, single_gram_ = {};
+    AlignedBuffer<float> halves_ = {}, fewer_halves_ = {}; ///< Of an arrow's last block, and of the one before.
     Eigen::LLT<Eigen::MatrixXd> cholesky_ = {};
 };
 
