@@ -100,6 +100,22 @@ TEST_P(DoubleKernelsTest, ProjectsPointsEachByItsJacobian)
     EXPECT_THAT(projected, IsNear(expected, 1e-6));
 }
 
+TEST_P(DoubleKernelsTest, PullsPoints)
+{
+    for (const int count : {1, 8, 68, 69}) {
+        const AlignedBuffer<double> residuals = random_doubles(random, 2 * static_cast<std::size_t>(count));
+        const AlignedBuffer<double> jacobians = random_doubles(random, 6 * static_cast<std::size_t>(count));
+        AlignedBuffer<double> pulls(3 * static_cast<std::size_t>(count));
+        kernels.pull_points(residuals.data(), jacobians.data(), count, pulls.data());
+        const Eigen::MatrixXd entries = matrix_of(jacobians, 6, count), of_residuals = matrix_of(residuals, 2, count);
+        for (int i = 0; i < count; ++i) {
+            const Eigen::Vector3d expected =
+                entries.col(i).head<3>() * of_residuals(0, i) + entries.col(i).tail<3>() * of_residuals(1, i);
+            EXPECT_THAT(Eigen::Vector3d(Eigen::Map<Eigen::Vector3d>(pulls.data() + 3 * i)), IsNear(expected, 1e-14));
+        }
+    }
+}
+
 TEST_P(DoubleKernelsTest, BlendsRows)
 {
     const AlignedBuffer<float> first = random_floats(random, 24), second = random_floats(random, 24);

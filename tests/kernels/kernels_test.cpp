@@ -209,6 +209,10 @@ TEST_P(KernelsTest, AddsGramMatrixAndRows)
             in_part.topRows(begin) = expected_gram.topRows(begin);
             in_part.bottomRows(width - end) = expected_gram.bottomRows(width - end);
             EXPECT_LE(upper_difference(in_part, expected_gram), 1e-4) << width << " " << num_rows;
+            AlignedBuffer<float> alone = random_floats(random, width * width); // not added to
+            kernels.set_gram(rows.data(), num_rows, 0, width, width, alone.data());
+            EXPECT_LE(upper_difference(matrix_of(alone, width, width), r.transpose() * r), 1e-4)
+                << width << " " << num_rows;
             EXPECT_LE(max_difference(matrix_of(sums, 1, width), expected_sums), 1e-4) << width << " " << num_rows;
         }
     }

@@ -48,8 +48,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_arrow(const JointState& state, Joint
         const int alpha_begin = kernels::round_up(num_others, kernels::width_step), width = alpha_begin + shape_width;
         float* rows = set_rows(f, own_scale(f, state), others_of_image, alpha_begin, 0, width, system);
         float* gram = room_for(system.gram, alpha_begin * width);
-        std::fill_n(gram, alpha_begin * width, 0.0f);
-        kernels->add_gram(rows, 2 * static_cast<int>(images[f].used.size()), 0, num_others, width, gram);
+        kernels->set_gram(rows, 2 * static_cast<int>(images[f].used.size()), 0, num_others, width, gram);
         if (num_phi > 0) {
             phi_squares += gram[0];
         }
@@ -193,8 +192,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_less_biases(JointSystem& system) con
         }
     }
     float* gram = room_for(system.gram, width * width);
-    std::fill_n(gram, width * width, 0.0f);
-    kernels->add_gram(rows, num_hidden, 0, size, width, gram);
+    kernels->set_gram(rows, num_hidden, 0, size, width, gram);
     for (int j = 0; j < size; ++j) {
         std::transform(gram + j * width + j, gram + j * width + size, system.hessian.data() + j * (size + 1),
                        [](float taken) { return -static_cast<double>(taken); });

@@ -93,7 +93,7 @@ LINEAMENT_FIT_INLINE float* JointProblem::set_rows(std::size_t image, double own
         kernels->project_points(packed.data(), packed.width(), num_points, terms.derivatives.data(), scale, to,
                                 to_width);
     };
-    if (others_end > others_begin) {
+    if (others_end > others_begin + static_cast<int>(others.size())) {
         clear_before(others_end);
     }
     if (alpha_begin + shape_width < alpha_end) {
@@ -155,17 +155,18 @@ LINEAMENT_FIT_INLINE void JointProblem::set_upper_gram(std::size_t image, double
     const int num_alpha = static_cast<int>(num_shape());
     const auto others = std::lower_bound(unknowns.begin(), unknowns.end(), num_alpha);
     const std::size_t num_free_alpha = static_cast<std::size_t>(others - unknowns.begin());
-    gram.set_zero(num_alpha + (unknowns.end() - others));
+    gram.resize(num_alpha + (unknowns.end() - others));
     const int width = gram.width(), begin = gram.begin(), end = begin + static_cast<int>(gram.size);
     const float* rows =
         set_rows(image, own_scale, unknowns.subspan(num_free_alpha), begin, begin + num_alpha, width, system);
-    kernels->add_gram(rows, num_rows, begin, end, width, gram.rows.data());
+    kernels->set_gram(rows, num_rows, begin, end, width, gram.rows.data());
     if (num_free_alpha == static_cast<std::size_t>(num_alpha)) {
         return;
     }
     UpperTriangle& with_held = system.with_held;
     std::swap(gram, with_held);
-    gram.set_zero(static_cast<Eigen::Index>(unknowns.size()));
+    gram.resize(static_cast<Eigen::Index>(unknowns.size()));
+    std::fill_n(gram.rows.data(), gram.width() * gram.width(), 0.0f);
     const auto position_of = [&](std::size_t i) {
         return i < num_free_alpha ? unknowns[i] : num_alpha + static_cast<int>(i - num_free_alpha);
     };

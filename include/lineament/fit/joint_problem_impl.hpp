@@ -190,7 +190,11 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
     const auto first = terms.residuals.col(0), second = terms.residuals.col(1);
     const auto derivative = [&](int column) { return terms.derivatives.col(column); };
     Eigen::Map<Eigen::Matrix3Xd> factors(room_for(system.factors, 3 * num_points), 3, num_points);
-    for (int axis = 0; axis < 3; ++axis) {
+    if (kernels != nullptr) {
+        kernels->pull_points(terms.residuals.data(), terms.derivatives.data(), static_cast<int>(num_points),
+                             factors.data());
+    }
+    for (int axis = 0; axis < 3 && kernels == nullptr; ++axis) {
         factors.row(axis) = first.cwiseProduct(derivative(axis)) + second.cwiseProduct(derivative(3 + axis));
     }
     for (int c = 0; c < 6; ++c) {

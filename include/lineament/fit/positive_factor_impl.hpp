@@ -31,11 +31,11 @@ struct UpperTriangle
     }
     [[nodiscard]] float* row_from_diagonal(Eigen::Index i) { return rows.data() + (begin() + i) * (width() + 1); }
 
-    void set_zero(Eigen::Index num_unknowns)
+    /// What is in it is unset.
+    void resize(Eigen::Index num_unknowns)
     {
         size = num_unknowns;
-        const int count = width() * width();
-        std::fill_n(room_for(rows, count), count, 0.0f);
+        room_for(rows, width() * width());
     }
 };
 
@@ -144,8 +144,7 @@ public:
         }
         arrow_.set_halves(unknowns, num_before, width, halves.data());
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, width * width), width, width);
-        gram.setZero();
-        kernels_->add_gram(halves.data(), num_rows, 0, static_cast<int>(count), width, gram.data());
+        kernels_->set_gram(halves.data(), num_rows, 0, static_cast<int>(count), width, gram.data());
         return gram.topLeftCorner(count, count)
             .template selfadjointView<Eigen::Upper>()
             .toDenseMatrix()
@@ -236,8 +235,7 @@ public:
         const int width = static_cast<int>(root.outerStride());
         const int num_rows = kernels::round_up(static_cast<int>(count), 4);
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, num_rows * width), num_rows, width);
-        gram.setZero();
-        kernels_->add_gram(root.data(), static_cast<int>(n), 0, static_cast<int>(count), width, gram.data());
+        kernels_->set_gram(root.data(), static_cast<int>(n), 0, static_cast<int>(count), width, gram.data());
         Eigen::MatrixXd columns = gram.topLeftCorner(count, n).transpose().template cast<double>();
         columns.topRows(count).triangularView<Eigen::StrictlyUpper>() = columns.topRows(count).transpose();
         return columns;

@@ -125,6 +125,26 @@ inline void add_wide(const float* rows, int num_rows, int width, const double* f
     }
 }
 
+inline void pull_points(const double* residuals, const double* jacobians, int count, double* pulls)
+{
+    const DoubleTag d;
+    int i = 0;
+    for (; i + double_lanes <= count; i += double_lanes) {
+        const DoubleVector u = hn::LoadU(d, residuals + i), v = hn::LoadU(d, residuals + count + i);
+        const auto pull = [&](int axis) HWY_ATTR {
+            return hn::MulAdd(u, hn::LoadU(d, jacobians + axis * count + i),
+                              hn::Mul(v, hn::LoadU(d, jacobians + (3 + axis) * count + i)));
+        };
+        hn::StoreInterleaved3(pull(0), pull(1), pull(2), d, pulls + 3 * i);
+    }
+    for (; i < count; ++i) {
+        for (int axis = 0; axis < 3; ++axis) {
+            pulls[3 * i + axis] =
+                residuals[i] * jacobians[axis * count + i] + residuals[count + i] * jacobians[(3 + axis) * count + i];
+        }
+    }
+}
+
 /// Columns `begin` to `end` of the two rows that a point becomes.
 template <class Tag>
 HWY_INLINE void project_point(Tag d, const float* point_rows, int width, int begin, int end, const float* jacobian,

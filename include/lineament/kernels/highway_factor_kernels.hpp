@@ -399,21 +399,23 @@ void invert_factor(const T* system, int n, int width, const T* inverse_diagonal,
     const FullTag<T> d;
     using Numbers = hn::Vec<FullTag<T>>;
     constexpr int step = full_lanes<T>;
-    std::fill_n(inverse, n * inverse_width, T(0));
-    for (int i = 0; i < n; ++i) {
-        inverse[i * inverse_width + i] = 1;
-    }
     int i = 0;
     for (; i + 4 <= n; i += 4) {
-        for (int c = 0; c < i; c += 2 * step) { // less the products with the rows above, which are 0 before row c
+        int c = 0;
+        for (; c < i; c += 2 * step) { // less the products with the rows above, which are 0 before row c
             const T* above = inverse + c * inverse_width + c;
             const T* factors = system + c * width + i;
             T* target = inverse + i * inverse_width + c;
             if (c + 2 * step <= inverse_width) {
-                add_products<2, Sign::minus>(above, factors, i - c, inverse_width, width, target, target);
+                add_products<2, Sign::minus, T>(above, factors, i - c, inverse_width, width, nullptr, target);
             } else {
-                add_products<1, Sign::minus>(above, factors, i - c, inverse_width, width, target, target);
+                add_products<1, Sign::minus, T>(above, factors, i - c, inverse_width, width, nullptr, target);
             }
+        }
+        for (int q = 0; q < 4; ++q) {
+            T* row = inverse + (i + q) * inverse_width;
+            std::fill(row + std::min(c, inverse_width), row + inverse_width, T(0));
+            row[i + q] = 1;
         }
         const T* u0 = system + i * width + i;
         const T* u1 = u0 + width;
@@ -424,7 +426,7 @@ void invert_factor(const T* system, int n, int width, const T* inverse_diagonal,
         T* r1 = r0 + inverse_width;
         T* r2 = r1 + inverse_width;
         T* r3 = r2 + inverse_width;
-        for (int c = 0; c < i + 4; c += step) {
+        for (c = 0; c < i + 4; c += step) {
             const Numbers a = hn::Mul(hn::Set(d, s0), hn::Load(d, r0 + c));
             const Numbers b = hn::Mul(hn::Set(d, s1), hn::NegMulAdd(hn::Set(d, u0[1]), a, hn::Load(d, r1 + c)));
             const Numbers e =
@@ -440,6 +442,8 @@ void invert_factor(const T* system, int n, int width, const T* inverse_diagonal,
     }
     for (; i < n; ++i) { // what is left of a block
         T* row = inverse + i * inverse_width;
+        std::fill_n(row, inverse_width, T(0));
+        row[i] = 1;
         for (int k = 0; k < i; ++k) {
             const Numbers factor = hn::Set(d, system[k * width + i]);
             for (int c = 0; c <= k; c += step) {

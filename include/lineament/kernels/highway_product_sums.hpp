@@ -39,7 +39,7 @@ enum class Sign
 
 /// Four rows of `from` and N vectors of columns of them, with the sum over k of factors[k factor_step + q] times row
 /// k of `rows` added to or taken from row q,
-/// become those of `target`.
+/// become those of `target`. `from` may be `target`, or nullptr for zeros.
 template <int N, Sign sign, class T>
 HWY_INLINE void add_products(const T* rows, const T* factors, int count, int width, int factor_step, const T* from,
                              T* target)
@@ -51,7 +51,7 @@ HWY_INLINE void add_products(const T* rows, const T* factors, int count, int wid
     Numbers sums[num_chains][4][N];
     for (int q = 0; q < 4; ++q) {
         for (int v = 0; v < N; ++v) {
-            sums[0][q][v] = hn::Load(d, from + q * width + v * step);
+            sums[0][q][v] = from != nullptr ? hn::Load(d, from + q * width + v * step) : hn::Zero(d);
             sums[num_chains - 1][q][v] = num_chains == 1 ? sums[0][q][v] : hn::Zero(d);
         }
     }
@@ -96,15 +96,19 @@ HWY_INLINE void add_products_from(int c, const T* rows, const T* factors, int co
     constexpr int step = full_lanes<T>;
     constexpr int most = has_many_registers<T> ? 4 : 2; // with four rows they fit into the registers
     for (; width - c >= most * step; c += most * step) {
-        add_products<most, sign>(rows + c, factors, count, width, factor_step, from + c, target + c);
+        add_products<most, sign>(rows + c, factors, count, width, factor_step, from != nullptr ? from + c : nullptr,
+                                 target + c);
     }
     const int left = (width - c) / step;
     if (left == 3) {
-        add_products<most - 1, sign>(rows + c, factors, count, width, factor_step, from + c, target + c);
+        add_products<most - 1, sign>(rows + c, factors, count, width, factor_step, from != nullptr ? from + c : nullptr,
+                                     target + c);
     } else if (left == 2) {
-        add_products<2, sign>(rows + c, factors, count, width, factor_step, from + c, target + c);
+        add_products<2, sign>(rows + c, factors, count, width, factor_step, from != nullptr ? from + c : nullptr,
+                              target + c);
     } else if (left == 1) {
-        add_products<1, sign>(rows + c, factors, count, width, factor_step, from + c, target + c);
+        add_products<1, sign>(rows + c, factors, count, width, factor_step, from != nullptr ? from + c : nullptr,
+                              target + c);
     }
 }
 

@@ -24,13 +24,24 @@
 HWY_BEFORE_NAMESPACE();
 namespace lineament::kernels::HWY_NAMESPACE {
 
-/// Rows i..i+3 of a Gram matrix at a time, from the diagonal's vector on.
-inline void add_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
+/// Rows i..i+3 of a Gram matrix at a time, from the diagonal's vector on, added to what there is or to nothing.
+inline void make_gram(const float* rows, int num_rows, int begin, int end, int width, bool adds, float* gram)
 {
     for (int i = begin; i < end; i += 4) {
         float* target = gram + i * width;
-        add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width, target, target);
+        add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width,
+                                      adds ? target : nullptr, target);
     }
+}
+
+inline void add_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
+{
+    make_gram(rows, num_rows, begin, end, width, true, gram);
+}
+
+inline void set_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
+{
+    make_gram(rows, num_rows, begin, end, width, false, gram);
 }
 
 /// U row by row in blocks of four, A = U^T D^-1 U with D the diagonal of U: no roots, and the only long chain is one

@@ -105,6 +105,8 @@ struct Kernels
     /// gram += rows^T rows, rows `begin` to `end` of the upper triangle (more may be written); `begin` is a multiple of
     /// four.
     void (*add_gram)(const float* rows, int num_rows, int begin, int end, int width, float* gram);
+    /// The same in place of what there is.
+    void (*set_gram)(const float* rows, int num_rows, int begin, int end, int width, float* gram);
 
     /// sums[c] += sum_r factors[r] rows[r width + c]
     void (*add_rows)(const float* rows, int num_rows, int width, const float* factors, float* sums);
@@ -168,6 +170,10 @@ struct Kernels
 
     /// sums[c] += sum_r factors[r] rows[r width + c]
     void (*add_wide)(const float* rows, int num_rows, int width, const double* factors, double* sums);
+
+    /// pulls[3i + a] = u_i J_i[0, a] + v_i J_i[1, a], with the residuals u_i and v_i at residuals[i] and
+    /// residuals[count + i] and J_i 2 x 3, whose entry k, row by row, is jacobians[k count + i]; any alignment.
+    void (*pull_points)(const double* residuals, const double* jacobians, int count, double* pulls);
 
     /// The first `width` columns of rows 2i and 2i + 1 of out = scale J_i times the three rows of point i, J_i 2 x 3,
     /// whose entry k, row by row, is jacobians[k num_points + i], in single precision. Rows of `out` have out_width

@@ -126,6 +126,14 @@ inline void add_gram(const float* rows, int num_rows, int begin, int end, int wi
     }
 }
 
+inline void set_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
+{
+    for (int i = begin; i < end; ++i) {
+        std::fill(gram + i * width + i, gram + (i + 1) * width, 0.0f);
+    }
+    add_gram(rows, num_rows, begin, end, width, gram);
+}
+
 inline float sum_squares(const float* numbers, int count)
 {
     double sum = 0; // one after the other: in single precision many would be lost
@@ -340,6 +348,16 @@ inline void add_wide(const float* rows, int num_rows, int width, const double* f
     for (int r = 0; r < num_rows; ++r, rows += width) {
         for (int c = 0; c < width; ++c) {
             sums[c] += factors[r] * rows[c];
+        }
+    }
+}
+
+inline void pull_points(const double* residuals, const double* jacobians, int count, double* pulls)
+{
+    for (int i = 0; i < count; ++i) {
+        for (int axis = 0; axis < 3; ++axis) {
+            pulls[3 * i + axis] =
+                residuals[i] * jacobians[axis * count + i] + residuals[count + i] * jacobians[(3 + axis) * count + i];
         }
     }
 }
@@ -588,6 +606,7 @@ namespace lineament::kernels {
                                       scalar::project_rows,
                                       scalar::multiply_rows,
                                       scalar::add_gram,
+                                      scalar::set_gram,
                                       scalar::add_rows,
                                       scalar::add_point_rows,
                                       scalar::solve_positive,
@@ -601,6 +620,7 @@ namespace lineament::kernels {
                                       scalar::see_points,
                                       scalar::multiply_wide,
                                       scalar::add_wide,
+                                      scalar::pull_points,
                                       scalar::project_points,
                                       scalar::blend_rows,
                                       scalar::turn_columns,
