@@ -95,6 +95,7 @@ private:
     RoomyMatrix<Eigen::Matrix3Xd> points_ = {};
     Eigen::VectorXd weights_ = {};
     RoomyMatrix<Eigen::MatrixX2d> distances_ = {};
+    RoomyMatrix<Eigen::MatrixX3d> unit_roots_ = {};
     std::vector<unsigned char> is_used_ = {};
     JointCertainty certainty_ = {};
     std::vector<int> face_ = {};

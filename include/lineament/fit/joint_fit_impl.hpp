@@ -103,7 +103,7 @@ inline void JointFit::estimate_pose(Image& image, const JointImage& fixed, const
     };
     image.matcher.set_start_weights(weights_);
     PoseResult pose = pose_for(weights_);
-    set_residuals(context_->kernels, pose.camera, points_, fixed, distances_);
+    set_residuals(context_->kernels, pose.camera, points_, fixed.image_points, fixed.roots, distances_);
     if (has_wild_points(pose, distances_)) {
         const PoseResult without = pose_for(without_wild_points(points_, image_points, weights_));
         pose = without.status == FitStatus::success ? without : pose;

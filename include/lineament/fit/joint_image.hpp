@@ -160,6 +160,15 @@ private:
     Eigen::Matrix3Xf shape_vertices_ = {};
 };
 
+/// With them residuals are distances [px].
+inline void set_unit_roots(Eigen::Index num_points, RoomyMatrix<Eigen::MatrixX3d>& roots)
+{
+    roots.resize(num_points, 3);
+    roots.col(0).setOnes();
+    roots.col(1).setZero();
+    roots.col(2).setOnes();
+}
+
 /// @throws InvalidArgument unless symmetric, finite and positive definite.
 void require_covariance(const Eigen::Matrix2d& covariance, const char* function, const std::string& place);
 

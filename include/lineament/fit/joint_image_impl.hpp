@@ -191,7 +191,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_fixed_points(JointImage& image)
         image.used.push_back({l, -1, 2});
     }
     image.points.assign(context_->points.landmarks, image.map_indices, room);
-    image.roots = Eigen::RowVector3d(1, 0, 1).replicate(image.points.num_points, 1);
+    set_unit_roots(image.points.num_points, image.roots);
     image.matched_scale = 1.0;
     image.scale_strength = 0.0;
 }
@@ -202,9 +202,14 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_start_weights(Eigen::VectorXd& 
     const double own_variance =
         options().landmark_sigma_mm * options().landmark_sigma_mm + options().bias_sigma_mm * options().bias_sigma_mm;
     const bool has_names = !options().covariances_mm.empty();
+    const bool is_alike = stated == nullptr && covariances_px_.empty() && !has_names;
     weights.resize(static_cast<Eigen::Index>(use_.fixed.size()));
     for (std::size_t i = 0; i < use_.fixed.size(); ++i) {
         const int l = use_.fixed[i];
+        if (is_alike) {
+            weights[static_cast<Eigen::Index>(i)] = landmark(l).confidence;
+            continue;
+        }
         const double sigma = stated != nullptr ? (*stated)[use_.map_indices[l]] : 0.0;
         double variance = stated != nullptr ? sigma * sigma : own_variance;
         if (!covariances_px_.empty()) {
@@ -217,7 +222,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_start_weights(Eigen::VectorXd& 
     }
     const double largest = weights.size() > 0 ? weights.maxCoeff() : 1.0;
     if (largest > 0 && std::isfinite(largest)) {
-        weights /= largest;
+        weights *= 1 / largest;
     } else {
         weights.setOnes(); // of such noise none says more than another
     }

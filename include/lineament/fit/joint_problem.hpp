@@ -128,10 +128,13 @@ inline constexpr double max_scale_change = 2.0;
     return 1 / (value * value);
 }
 
-/// U (seen - landmark) of the points of an image, N x 2.
-/// @param kernels  May be nullptr.
+/// U (seen - landmark) of points, N x 2.
+/// @param kernels       May be nullptr.
+/// @param image_points  The landmarks, 2 x N or more.
+/// @param roots         Of U, as JointImage has them.
 void set_residuals(const kernels::Kernels* kernels, const Camera& camera, const RoomyMatrix<Eigen::Matrix3Xd>& points,
-                   const JointImage& seen, RoomyMatrix<Eigen::MatrixX2d>& residuals);
+                   const Eigen::Matrix2Xd& image_points, const RoomyMatrix<Eigen::MatrixX3d>& roots,
+                   RoomyMatrix<Eigen::MatrixX2d>& residuals);
 
 /// Energy (7) of a round, its derivatives and its moves.
 class JointProblem

@@ -54,7 +54,7 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
     points.evaluate_shape(kernels, state.alpha, placed.num_shaped, placed.padded, placed.shape);
     placed.num_shaped = 0;
     placed.points = placed.shape.leftCols(points.num_points) + placed.offsets;
-    set_residuals(kernels, state.cameras[image], placed.points, seen, placed.residuals);
+    set_residuals(kernels, state.cameras[image], placed.points, seen.image_points, seen.roots, placed.residuals);
 }
 
 [[nodiscard]] inline kernels::PerspectiveCamera for_kernels(const Camera& camera)
@@ -69,20 +69,22 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
 }
 
 LINEAMENT_FIT_INLINE void set_residuals(const kernels::Kernels* kernels, const Camera& camera,
-                                        const RoomyMatrix<Eigen::Matrix3Xd>& points, const JointImage& seen,
+                                        const RoomyMatrix<Eigen::Matrix3Xd>& points,
+                                        const Eigen::Matrix2Xd& image_points,
+                                        const RoomyMatrix<Eigen::MatrixX3d>& roots,
                                         RoomyMatrix<Eigen::MatrixX2d>& residuals)
 {
     const Eigen::Index count = points.cols();
     residuals.resize(count, 2);
     if (kernels != nullptr) {
-        kernels->camera_residuals(for_kernels(camera), points.data(), seen.image_points.data(), seen.roots.data(),
+        kernels->camera_residuals(for_kernels(camera), points.data(), image_points.data(), roots.data(),
                                   static_cast<int>(count), residuals.data());
         return;
     }
     for (Eigen::Index i = 0; i < count; ++i) {
-        const Eigen::Vector2d distance = camera.project(Eigen::Vector3d(points.col(i))) - seen.image_points.col(i);
-        residuals(i, 0) = seen.roots(i, 0) * distance.x() + seen.roots(i, 1) * distance.y();
-        residuals(i, 1) = seen.roots(i, 2) * distance.y();
+        const Eigen::Vector2d distance = camera.project(Eigen::Vector3d(points.col(i))) - image_points.col(i);
+        residuals(i, 0) = roots(i, 0) * distance.x() + roots(i, 1) * distance.y();
+        residuals(i, 1) = roots(i, 2) * distance.y();
     }
 }
 

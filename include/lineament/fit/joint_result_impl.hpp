@@ -93,12 +93,14 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
         }
     }
     const double own_scale = matched_scales_[f] / state_.cameras[f].scale_px_per_mm;
-    if (state_.bias.size() == 0 && !is_turned_[f] && shown_.psi[f] == own_scale * state_.psi[f]) {
-        points_ = scratch_.placed[f].points; // already there
-    } else {
+    const bool is_placed = // already
+        state_.bias.size() == 0 && !is_turned_[f] && shown_.psi[f] == own_scale * state_.psi[f];
+    if (!is_placed) {
         seen.points.evaluate(context_->kernels, state_.alpha, shown_.psi[f], products_, points_);
     }
-    double sum = 0;
+    set_unit_roots(seen.points.num_points, unit_roots_);
+    set_residuals(context_->kernels, result.camera, is_placed ? scratch_.placed[f].points : points_, seen.image_points,
+                  unit_roots_, distances_);
     const std::array<double, 2> unit_weights{1 / robust_weight(options().loss, 0.0, 1), // of one and of two dimensions
                                              1 / robust_weight(options().loss, 0.0, 2)};
     for (std::size_t i = 0; i < seen.used.size(); ++i) {
@@ -106,14 +108,13 @@ inline void JointFit::set_fit(std::size_t f, FitResult& result)
         const Eigen::Index column = static_cast<Eigen::Index>(i);
         FittedLandmark& landmark = result.landmarks[static_cast<std::size_t>(used.landmark_index)];
         const double squared = scratch_.placed[f].squared_residual(column);
-        landmark.fitted_px = result.camera.project(Eigen::Vector3d(points_.col(column)));
+        landmark.fitted_px = landmark.point_px + distances_.row(column).transpose();
         landmark.weight = image.landmarks->landmarks[static_cast<std::size_t>(used.landmark_index)].confidence *
                           robust_weight(options().loss, squared, used.num_dimensions) *
                           unit_weights[static_cast<std::size_t>(used.num_dimensions - 1)];
         result.chi_square += squared;
-        sum += (landmark.fitted_px - landmark.point_px).squaredNorm();
     }
-    result.rms_px = std::sqrt(sum / static_cast<double>(seen.used.size()));
+    result.rms_px = std::sqrt(distances_.squaredNorm() / static_cast<double>(seen.used.size()));
     result.chi_square +=
         problem_.prior_squares(state_.alpha) + (state_.psi[f] / options().expression_sigma).squaredNorm();
     result.degrees_of_freedom = 2 * static_cast<int>(seen.used.size()) - 6;
