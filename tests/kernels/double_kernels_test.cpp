@@ -428,6 +428,12 @@ TEST_P(DoubleKernelsTest, FactorsAndSolvesInSinglePrecision)
         EXPECT_THAT(Eigen::MatrixXd(u.transpose() * matrix_of(inverse, n, width)),
                     IsNear(Eigen::MatrixXd(Eigen::MatrixXd::Identity(n, width)), 1e-4))
             << n;
+        const int num_inverted = (n + 1) / 2;
+        AlignedBuffer<float> other(n * width), same = random_floats(random, static_cast<std::size_t>(n + 3) * width);
+        EXPECT_EQ(kernels.factor_and_invert_float(matrix.data(), n, begin, width, other.data(), inverses.data(),
+                                                  num_inverted, same.data(), width),
+                  pivot);
+        EXPECT_THAT(matrix_of(same, num_inverted, width), IsNear(matrix_of(inverse, num_inverted, width), 1e-4)) << n;
         const double squares = matrix_of(inverse, n, width).squaredNorm();
         EXPECT_NEAR(kernels.sum_squares_float(inverse.data(), n * width), squares, 1e-5 * squares) << n;
     }

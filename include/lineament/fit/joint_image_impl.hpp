@@ -336,28 +336,27 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
     }
     const Eigen::Index num_fixed = static_cast<Eigen::Index>(use_.fixed.size());
     image.points.num_points = num_fixed + static_cast<Eigen::Index>(matches_.size());
-    image.used.clear();
+    image.used.resize(static_cast<std::size_t>(image.points.num_points));
     image.roots.resize(image.points.num_points, 3);
     image.dimensions.resize(image.points.num_points);
     image.matched_scale = noise.scale_px_per_mm;
-    const auto add = [&](int l, int bias_index, int num_dimensions, const Eigen::RowVector3d& root) {
-        const Eigen::Index i = static_cast<Eigen::Index>(image.used.size());
+    const auto set = [&](Eigen::Index i, int l, int bias_index, int num_dimensions, const Eigen::RowVector3d& root) {
         const double confidence = landmark(l).confidence; // most are 1
         image.roots.row(i) = (confidence == 1 ? 1.0 : std::sqrt(confidence)) * root;
         image.dimensions[i] = num_dimensions;
-        image.used.push_back({l, bias_index, num_dimensions});
+        image.used[static_cast<std::size_t>(i)] = {l, bias_index, num_dimensions};
     };
+    const bool is_fixed_outline = options().contour == ContourMode::fixed; // others are matched
     const bool has_own_noise = !covariances_px_.empty() || !options().covariances_mm.empty();
     double last_variance = -1;
     bool was_outline = false;
     Eigen::RowVector3d root = Eigen::RowVector3d::Zero(); // of the last one
     Eigen::Matrix2d across = Eigen::Matrix2d::Zero();     // likewise
     const Eigen::VectorXf* stated = base().landmark_noise_mm();
-    for (const int l : use_.fixed) {
-        const int map_index = use_.map_indices[l];
-        const bool is_outline = // others are matched
-            options().contour == ContourMode::fixed && base().outline_sides()[static_cast<std::size_t>(map_index)];
-        if (has_own_noise || stated != nullptr || image.used.empty() || is_outline != was_outline) {
+    for (Eigen::Index i = 0; i < num_fixed; ++i) {
+        const int l = use_.fixed[static_cast<std::size_t>(i)], map_index = use_.map_indices[l];
+        const bool is_outline = is_fixed_outline && base().outline_sides()[static_cast<std::size_t>(map_index)];
+        if (has_own_noise || stated != nullptr || i == 0 || is_outline != was_outline) {
             const double sigma_mm = is_outline ? options().contour_sigma_mm : options().landmark_sigma_mm;
             const Eigen::Vector3d bias_variances = bias_variances_mm(options(), stated, map_index);
             const double stated_mm = stated != nullptr ? (*stated)[map_index] : sigma_mm;
@@ -368,7 +367,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
             }
             was_outline = is_outline;
         }
-        add(l, noise.has_bias ? map_index : -1, 2, root);
+        set(i, l, noise.has_bias ? map_index : -1, 2, root);
     }
     for (std::size_t m = 0; m < matches_.size(); ++m) {
         const OutlineMatch& match = matches_[m];
@@ -382,7 +381,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::match(const Camera& camera, const E
                                    Eigen::Vector3d::Constant(options().bias_sigma_mm * options().bias_sigma_mm), camera,
                                    noise, false);
         }
-        add(match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
+        set(i, match.landmark_index, -1, match.normal.isZero() ? 2 : 1,
             root_of_inverse(across + along_px * along_px * tangent * tangent.transpose()));
     }
 }

@@ -159,10 +159,13 @@ inline void set_scale_strength(JointProblem& problem, std::size_t image, double 
 
 /// In single precision where there are kernels, image by image where that takes less, unless the matrix is not positive
 /// definite to that.
-inline void factor_system(const JointProblem& problem, JointSystem& system, double damping, PositiveFactor& factor)
+/// @param num_inverted  As for PositiveFactor.
+inline void factor_system(const JointProblem& problem, JointSystem& system, double damping, PositiveFactor& factor,
+                          Eigen::Index num_inverted = 0)
 {
-    const bool is_factored = problem.is_arrow() ? system.arrow.is_sparse() && factor.factor(system.arrow, damping)
-                                                : !system.has_hessian && factor.factor(system.upper, damping);
+    const bool is_factored = problem.is_arrow()
+                                 ? system.arrow.is_sparse() && factor.factor(system.arrow, damping)
+                                 : !system.has_hessian && factor.factor(system.upper, damping, num_inverted);
     if (!is_factored) {
         problem.complete_hessian(system);
         factor.factor(system.hessian, damping);
@@ -186,15 +189,30 @@ inline void factor_system(const JointProblem& problem, JointSystem& system, doub
     return static_cast<double>(num_alpha) - lambda.inverse_trace(num_linear, num_alpha, prior);
 }
 
+[[nodiscard]] inline bool is_alone_without_biases(const JointProblem& problem, const JointState& state)
+{
+    return problem.images.size() == 1 && state.bias.size() == 0;
+}
+
+/// How many of the unknowns that the scale strength of a single image without biases is of come before all others, if
+/// they do.
+[[nodiscard]] inline Eigen::Index num_leading_linear(const JointProblem& problem, const JointState& state,
+                                                     const JointSystem& system)
+{
+    const auto camera =
+        std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(problem.camera_begin(0)));
+    return is_alone_without_biases(problem, state) &&
+                   std::none_of(system.unknowns.begin(), camera, [&](int i) { return problem.is_camera(i); })
+               ? camera - system.unknowns.begin()
+               : 0;
+}
+
 LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const JointState& state, JointSystem& system,
                                                   PositiveFactor& factor)
 {
-    const bool is_alone = problem.images.size() == 1 && state.bias.size() == 0;
-    const auto camera =
-        std::lower_bound(system.unknowns.begin(), system.unknowns.end(), static_cast<int>(problem.camera_begin(0)));
-    if (is_alone && std::none_of(system.unknowns.begin(), camera, [&](int i) { return problem.is_camera(i); })) {
-        set_scale_strength(problem, 0, only_scale_strength(problem, system, camera - system.unknowns.begin(), factor),
-                           system);
+    const bool is_alone = is_alone_without_biases(problem, state);
+    if (const Eigen::Index num_leading = num_leading_linear(problem, state, system); num_leading > 0) {
+        set_scale_strength(problem, 0, only_scale_strength(problem, system, num_leading, factor), system);
         return;
     }
     std::vector<int> linear, linear_unknowns; // the former positions among the unknowns
@@ -248,8 +266,11 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
         if (!keeps_matrix || !problem.renew_gradient(state, placed, system)) {
             keeps_matrix = false;
             problem.linearize_free(state, placed, system);
-            factor_system(problem, system, damping, factor);
-            if (iteration == 0 && limits.sets_scale_strengths) {
+            const bool sets_scale_strengths = iteration == 0 && limits.sets_scale_strengths;
+            factor_system(problem, system, damping, factor,
+                          sets_scale_strengths && problem.num_shape() > 0 ? num_leading_linear(problem, state, system)
+                                                                          : 0);
+            if (sets_scale_strengths) {
                 refresh_scale_strengths(problem, state, system, factor);
             }
         }

@@ -70,32 +70,37 @@ inline void set_use_of_landmarks(const FaceFitter& fitter, const LandmarkSet& la
     require(landmarks.scheme == fitter.scheme(), function, "landmarks.scheme", fitter.scheme(), landmarks.scheme);
     const LandmarkMap& map = fitter.landmark_map();
     const Eigen::VectorXf* noise_mm = fitter.landmark_noise_mm();
-    use.map_indices.clear();
+    const auto& sides = fitter.outline_sides();
+    const bool has_contour = fitter.contour().has_value();
+    const bool is_all_fixed = fitter.options().contour == ContourMode::fixed;
+    const bool takes_other_outlines = has_contour && fitter.scheme() != "ibug68";
+    const std::size_t num_landmarks = landmarks.landmarks.size();
+    use.map_indices.resize(num_landmarks);
     use.fixed.clear();
     use.outline.clear();
-    use.map_indices.reserve(landmarks.landmarks.size());
-    use.fixed.reserve(landmarks.landmarks.size());
-    for (std::size_t l = 0; l < landmarks.landmarks.size(); ++l) {
+    use.fixed.reserve(num_landmarks);
+    for (std::size_t l = 0; l < num_landmarks; ++l) {
         const Landmark& landmark = landmarks.landmarks[l];
         require_usable(landmark, function);
         const bool is_in_order =
             l < map.names.size() && is_same_name(map.names[l], landmark.name); // no search for hundreds
         const int map_index = is_in_order ? static_cast<int>(l) : map.index_of(landmark.name);
-        use.map_indices.push_back(map_index);
+        use.map_indices[l] = map_index;
+        if (landmark.confidence < least_confidence) {
+            continue;
+        }
         if (map_index < 0) {
-            if (landmark.confidence >= least_confidence && fitter.contour() && fitter.scheme() != "ibug68" &&
-                is_outline_landmark(fitter, landmark)) {
+            if (takes_other_outlines && is_outline_landmark(fitter, landmark)) {
                 use.outline.push_back(static_cast<int>(l));
             }
             continue;
         }
-        if (landmark.confidence < least_confidence || (noise_mm != nullptr && std::isinf((*noise_mm)[map_index]))) {
+        if (noise_mm != nullptr && std::isinf((*noise_mm)[map_index])) {
             continue;
         }
-        if (!fitter.outline_sides()[static_cast<std::size_t>(map_index)] ||
-            fitter.options().contour == ContourMode::fixed) {
+        if (is_all_fixed || !sides[static_cast<std::size_t>(map_index)]) {
             use.fixed.push_back(static_cast<int>(l));
-        } else if (fitter.contour()) {
+        } else if (has_contour) {
             use.outline.push_back(static_cast<int>(l));
         }
     }

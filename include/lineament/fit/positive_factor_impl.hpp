@@ -77,8 +77,9 @@ public:
     }
 
     /// By kernels in single precision.
+    /// @param num_inverted  Leading unknowns of whose block inverse_trace will ask.
     /// @return False where it is not positive definite to that.
-    [[nodiscard]] bool factor(const UpperTriangle& matrix, double damping)
+    [[nodiscard]] bool factor(const UpperTriangle& matrix, double damping, Eigen::Index num_inverted = 0)
     {
         size_ = matrix.size;
         is_arrow_ = false;
@@ -93,7 +94,7 @@ public:
             }
             rows = system;
         }
-        return factor_single(rows);
+        return factor_single(rows, num_inverted);
     }
 
     /// By kernels in single precision, of the matrix of [shared | own of each image] that eliminating the hidden
@@ -212,8 +213,7 @@ public:
             return sum;
         };
         if (kernels_ != nullptr && is_single_) {
-            const auto root =
-                set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float);
+            const auto root = single_inverse_root(n);
             return weights.size() > 0 ? trace(root) : leading_squares(root, count);
         }
         return trace(inverse_root(n));
@@ -230,8 +230,7 @@ public:
         if (kernels_ == nullptr || !is_single_) {
             return inverse(n).leftCols(count);
         }
-        const auto root =
-            set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float);
+        const auto root = single_inverse_root(n);
         const int width = static_cast<int>(root.outerStride());
         const int num_rows = kernels::round_up(static_cast<int>(count), 4);
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, num_rows * width), num_rows, width);
@@ -290,11 +289,28 @@ private:
     }
 
     /// Into `single_`, of rows there or elsewhere.
-    [[nodiscard]] bool factor_single(const float* rows)
+    [[nodiscard]] bool factor_single(const float* rows, Eigen::Index num_inverted = 0)
     {
-        is_single_ = kernels_->factor_positive_float(rows, static_cast<int>(size_), begin_, width_, single_.data(),
-                                                     room_for(single_inverses_, size_)) > least_pivot;
+        const int size = static_cast<int>(size_), count = static_cast<int>(num_inverted);
+        const int root_width = kernels::round_up(count, kernels::width_step);
+        float* inverses = room_for(single_inverses_, size_);
+        const float pivot = kernels_->factor_and_invert_float(
+            rows, size, begin_, width_, single_.data(), inverses, count,
+            room_for(single_root_, kernels::round_up(count, 4) * root_width), root_width);
+        is_single_ = pivot > least_pivot;
+        num_inverted_ = is_single_ ? num_inverted : 0;
         return is_single_;
+    }
+
+    /// U^-T of the leading n unknowns in single precision.
+    [[nodiscard]] Rows<float> single_inverse_root(Eigen::Index n)
+    {
+        if (n > 0 && n == num_inverted_) {
+            const int width = kernels::round_up(static_cast<int>(n), kernels::width_step);
+            return {single_root_.data(), n, n, Eigen::OuterStride<>(width)};
+        }
+        num_inverted_ = 0;
+        return set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float);
     }
 
     /// The squares of the leading columns of what set_root has set.
@@ -351,8 +367,7 @@ private:
         Rows<double> root(room_for(root_, n * width), n, n, Eigen::OuterStride<>(width));
         if (kernels_ != nullptr) {
             Rows<double>(root.data(), n, width, Eigen::OuterStride<>(width)).setZero();
-            root = set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float)
-                       .template cast<double>();
+            root = single_inverse_root(n).template cast<double>();
         } else if (n > 0) {
             root = cholesky_.matrixLLT().topLeftCorner(n, n).triangularView<Eigen::Lower>().solve(
                 Eigen::MatrixXd::Identity(n, n));
@@ -363,8 +378,9 @@ private:
     const kernels::Kernels* kernels_;
     Eigen::Index size_ = 0;
     int width_ = 0;
-    int begin_ = 0;         ///< The first column in `single_`.
-    bool is_arrow_ = false; ///< What is solved is by `arrow_`.
+    int begin_ = 0;                 ///< The first column in `single_`.
+    Eigen::Index num_inverted_ = 0; ///< Leading unknowns whose U^-T `single_root_` holds.
+    bool is_arrow_ = false;         ///< What is solved is by `arrow_`.
     ArrowFactor arrow_ = {};
     bool is_single_ = false;            ///< U is in `single_`.
     AlignedBuffer<double> double_ = {}; ///< U in its upper triangle.

@@ -62,9 +62,85 @@ inline float sum_squares(const float* numbers, int count)
     return hn::GetLane(hn::SumOfLanes(d, hn::Add(hn::Add(sums[0], sums[1]), hn::Add(sums[2], sums[3]))));
 }
 
-/// U row by row in blocks of four.
+/// What four rows of a block do to each other once the rows above are taken off: D^-1 U of their own triangle, and the
+/// roots of D^-1.
 template <class T>
-T factor_positive(const T* matrix, int n, int begin, int width, T* system, T* inverse_diagonal)
+struct BlockTriangle
+{
+    T f01, f02, f03, f12, f13, f23;
+    T scales[4];
+
+    /// Columns `begin` to `end` of four rows.
+    HWY_INLINE void apply(T* r0, int width, int begin, int end) const
+    {
+        const FullTag<T> d;
+        using Numbers = hn::Vec<FullTag<T>>;
+        T* r1 = r0 + width;
+        T* r2 = r1 + width;
+        T* r3 = r2 + width;
+        const Numbers v01 = hn::Set(d, f01), v02 = hn::Set(d, f02), v03 = hn::Set(d, f03);
+        const Numbers v12 = hn::Set(d, f12), v13 = hn::Set(d, f13), v23 = hn::Set(d, f23);
+        for (int c = begin; c < end; c += full_lanes<T>) {
+            const Numbers a = hn::Load(d, r0 + c);
+            const Numbers b = hn::NegMulAdd(v01, a, hn::Load(d, r1 + c));
+            const Numbers e = hn::NegMulAdd(v12, b, hn::NegMulAdd(v02, a, hn::Load(d, r2 + c)));
+            const Numbers f = hn::NegMulAdd(v23, e, hn::NegMulAdd(v13, b, hn::NegMulAdd(v03, a, hn::Load(d, r3 + c))));
+            hn::Store(hn::Mul(hn::Set(d, scales[0]), a), d, r0 + c);
+            hn::Store(hn::Mul(hn::Set(d, scales[1]), b), d, r1 + c);
+            hn::Store(hn::Mul(hn::Set(d, scales[2]), e), d, r2 + c);
+            hn::Store(hn::Mul(hn::Set(d, scales[3]), f), d, r3 + c);
+        }
+    }
+};
+
+/// Rows i..i+3 of the unit matrix less their products with the rows above of U^-T, which are 0 before row c.
+/// @param factors  Columns i..i+3 of U.
+template <class T>
+HWY_INLINE void subtract_above_from_units(const T* factors, int width, int i, T* inverse, int inverse_width)
+{
+    constexpr int step = full_lanes<T>;
+    int c = 0;
+    for (; c < i; c += 2 * step) {
+        const T* above = inverse + c * inverse_width + c;
+        T* target = inverse + i * inverse_width + c;
+        if (c + 2 * step <= inverse_width) {
+            add_products<2, Sign::minus, T>(above, factors + c * width, i - c, inverse_width, width, nullptr, target);
+        } else {
+            add_products<1, Sign::minus, T>(above, factors + c * width, i - c, inverse_width, width, nullptr, target);
+        }
+    }
+    for (int q = 0; q < 4; ++q) {
+        T* row = inverse + (i + q) * inverse_width;
+        std::fill(row + std::min(c, inverse_width), row + inverse_width, T(0));
+        row[i + q] = 1;
+    }
+}
+
+/// Row i of U^-T.
+template <class T>
+HWY_INLINE void invert_row(const T* factors, int width, int i, T scale, T* inverse, int inverse_width)
+{
+    const FullTag<T> d;
+    constexpr int step = full_lanes<T>;
+    T* row = inverse + i * inverse_width;
+    std::fill_n(row, inverse_width, T(0));
+    row[i] = 1;
+    for (int k = 0; k < i; ++k) {
+        const auto factor = hn::Set(d, factors[k * width]);
+        for (int c = 0; c <= k; c += step) {
+            hn::Store(hn::NegMulAdd(factor, hn::Load(d, inverse + k * inverse_width + c), hn::Load(d, row + c)), d,
+                      row + c);
+        }
+    }
+    for (int c = 0; c <= i; c += step) {
+        hn::Store(hn::Mul(hn::Set(d, scale), hn::Load(d, row + c)), d, row + c);
+    }
+}
+
+/// U row by row in blocks of four, and U^-T beside it, whose sums hide how long the triangles take.
+template <class T>
+T factor_and_invert(const T* matrix, int n, int begin, int width, T* system, T* inverse_diagonal, int num_inverted,
+                    T* inverse, int inverse_width)
 {
     const FullTag<T> d;
     using Numbers = hn::Vec<FullTag<T>>;
@@ -83,40 +159,36 @@ T factor_positive(const T* matrix, int n, int begin, int width, T* system, T* in
         add_products_from<Sign::minus>(first, system, system + at, i, width, width, rows, r0);
 
         // The block's own triangle, D^-1 first: the only long chain is one division a row. Then its rows.
+        BlockTriangle<T> triangle;
         const T d0 = r0[at];
         const T i0 = 1 / d0;
-        const T f01 = r0[at + 1] * i0, f02 = r0[at + 2] * i0, f03 = r0[at + 3] * i0;
-        const T d1 = r1[at + 1] - f01 * r0[at + 1];
+        triangle.f01 = r0[at + 1] * i0;
+        triangle.f02 = r0[at + 2] * i0;
+        triangle.f03 = r0[at + 3] * i0;
+        const T d1 = r1[at + 1] - triangle.f01 * r0[at + 1];
         const T i1 = 1 / d1;
-        const T w12 = r1[at + 2] - f01 * r0[at + 2], w13 = r1[at + 3] - f01 * r0[at + 3];
-        const T f12 = w12 * i1, f13 = w13 * i1;
-        const T d2 = r2[at + 2] - f02 * r0[at + 2] - f12 * w12;
+        const T w12 = r1[at + 2] - triangle.f01 * r0[at + 2], w13 = r1[at + 3] - triangle.f01 * r0[at + 3];
+        triangle.f12 = w12 * i1;
+        triangle.f13 = w13 * i1;
+        const T d2 = r2[at + 2] - triangle.f02 * r0[at + 2] - triangle.f12 * w12;
         const T i2 = 1 / d2;
-        const T w23 = r2[at + 3] - f02 * r0[at + 3] - f12 * w13;
-        const T f23 = w23 * i2;
-        const T d3 = r3[at + 3] - f03 * r0[at + 3] - f13 * w13 - f23 * w23;
+        const T w23 = r2[at + 3] - triangle.f02 * r0[at + 3] - triangle.f12 * w13;
+        triangle.f23 = w23 * i2;
+        const T d3 = r3[at + 3] - triangle.f03 * r0[at + 3] - triangle.f13 * w13 - triangle.f23 * w23;
         if (!(d0 > 0 && d1 > 0 && d2 > 0 && d3 > 0)) {
             return 0;
         }
-        const T s0 = std::sqrt(i0), s1 = std::sqrt(i1), s2 = std::sqrt(i2), s3 = std::sqrt(1 / d3);
         const T pivots[4] = {d0, d1, d2, d3};
-        const T inverses[4] = {s0, s1, s2, s3};
+        const T inverse_pivots[4] = {i0, i1, i2, 1 / d3};
         for (int q = 0; q < 4; ++q) {
-            inverse_diagonal[i + q] = inverses[q];
+            inverse_diagonal[i + q] = triangle.scales[q] = std::sqrt(inverse_pivots[q]);
             least = pivots[q] < least * diagonal[q] ? pivots[q] / diagonal[q] : least;
         }
-        const Numbers v01 = hn::Set(d, f01), v02 = hn::Set(d, f02), v03 = hn::Set(d, f03);
-        const Numbers v12 = hn::Set(d, f12), v13 = hn::Set(d, f13), v23 = hn::Set(d, f23);
-        for (int c = first; c < width; c += step) {
-            const Numbers a = hn::Load(d, r0 + c);
-            const Numbers b = hn::NegMulAdd(v01, a, hn::Load(d, r1 + c));
-            const Numbers e = hn::NegMulAdd(v12, b, hn::NegMulAdd(v02, a, hn::Load(d, r2 + c)));
-            const Numbers f = hn::NegMulAdd(v23, e, hn::NegMulAdd(v13, b, hn::NegMulAdd(v03, a, hn::Load(d, r3 + c))));
-            hn::Store(hn::Mul(hn::Set(d, s0), a), d, r0 + c);
-            hn::Store(hn::Mul(hn::Set(d, s1), b), d, r1 + c);
-            hn::Store(hn::Mul(hn::Set(d, s2), e), d, r2 + c);
-            hn::Store(hn::Mul(hn::Set(d, s3), f), d, r3 + c);
+        if (i < num_inverted) {
+            subtract_above_from_units(system + at, width, i, inverse, inverse_width);
+            triangle.apply(inverse + i * inverse_width, inverse_width, 0, i + 4);
         }
+        triangle.apply(r0, width, first, width);
     }
     for (; i < n; ++i) { // what is left of a block
         T* row = system + i * width;
@@ -137,12 +209,21 @@ T factor_positive(const T* matrix, int n, int begin, int width, T* system, T* in
         }
         least = std::min(least, row[at] / diagonal);
         inverse_diagonal[i] = 1 / std::sqrt(row[at]);
-        const Numbers inverse = hn::Set(d, inverse_diagonal[i]);
+        const Numbers scale = hn::Set(d, inverse_diagonal[i]);
         for (int c = first; c < width; c += step) {
-            hn::Store(hn::Mul(inverse, hn::Load(d, row + c)), d, row + c);
+            hn::Store(hn::Mul(scale, hn::Load(d, row + c)), d, row + c);
+        }
+        if (i < num_inverted) {
+            invert_row(system + at, width, i, inverse_diagonal[i], inverse, inverse_width);
         }
     }
     return least;
+}
+
+template <class T>
+T factor_positive(const T* matrix, int n, int begin, int width, T* system, T* inverse_diagonal)
+{
+    return factor_and_invert<T>(matrix, n, begin, width, system, inverse_diagonal, 0, nullptr, 0);
 }
 
 /// Four rows of one vector each, in two chains that hide the latency.
@@ -396,65 +477,24 @@ inline void solve_for_one(const float* system, int n, int begin, int width, cons
 template <class T>
 void invert_factor(const T* system, int n, int width, const T* inverse_diagonal, T* inverse, int inverse_width)
 {
-    const FullTag<T> d;
-    using Numbers = hn::Vec<FullTag<T>>;
-    constexpr int step = full_lanes<T>;
     int i = 0;
     for (; i + 4 <= n; i += 4) {
-        int c = 0;
-        for (; c < i; c += 2 * step) { // less the products with the rows above, which are 0 before row c
-            const T* above = inverse + c * inverse_width + c;
-            const T* factors = system + c * width + i;
-            T* target = inverse + i * inverse_width + c;
-            if (c + 2 * step <= inverse_width) {
-                add_products<2, Sign::minus, T>(above, factors, i - c, inverse_width, width, nullptr, target);
-            } else {
-                add_products<1, Sign::minus, T>(above, factors, i - c, inverse_width, width, nullptr, target);
-            }
-        }
-        for (int q = 0; q < 4; ++q) {
-            T* row = inverse + (i + q) * inverse_width;
-            std::fill(row + std::min(c, inverse_width), row + inverse_width, T(0));
-            row[i + q] = 1;
-        }
+        subtract_above_from_units(system + i, width, i, inverse, inverse_width);
         const T* u0 = system + i * width + i;
         const T* u1 = u0 + width;
         const T* u2 = u1 + width;
-        const T s0 = inverse_diagonal[i], s1 = inverse_diagonal[i + 1];
-        const T s2 = inverse_diagonal[i + 2], s3 = inverse_diagonal[i + 3];
-        T* r0 = inverse + i * inverse_width;
-        T* r1 = r0 + inverse_width;
-        T* r2 = r1 + inverse_width;
-        T* r3 = r2 + inverse_width;
-        for (c = 0; c < i + 4; c += step) {
-            const Numbers a = hn::Mul(hn::Set(d, s0), hn::Load(d, r0 + c));
-            const Numbers b = hn::Mul(hn::Set(d, s1), hn::NegMulAdd(hn::Set(d, u0[1]), a, hn::Load(d, r1 + c)));
-            const Numbers e =
-                hn::Mul(hn::Set(d, s2),
-                        hn::NegMulAdd(hn::Set(d, u1[2]), b, hn::NegMulAdd(hn::Set(d, u0[2]), a, hn::Load(d, r2 + c))));
-            const Numbers f =
-                hn::NegMulAdd(hn::Set(d, u1[3]), b, hn::NegMulAdd(hn::Set(d, u0[3]), a, hn::Load(d, r3 + c)));
-            hn::Store(a, d, r0 + c);
-            hn::Store(b, d, r1 + c);
-            hn::Store(e, d, r2 + c);
-            hn::Store(hn::Mul(hn::Set(d, s3), hn::NegMulAdd(hn::Set(d, u2[3]), e, f)), d, r3 + c);
-        }
+        const T* s = inverse_diagonal + i;
+        const BlockTriangle<T> triangle = {u0[1] * s[0],
+                                           u0[2] * s[0],
+                                           u0[3] * s[0],
+                                           u1[2] * s[1],
+                                           u1[3] * s[1],
+                                           u2[3] * s[2],
+                                           {s[0], s[1], s[2], s[3]}};
+        triangle.apply(inverse + i * inverse_width, inverse_width, 0, i + 4);
     }
     for (; i < n; ++i) { // what is left of a block
-        T* row = inverse + i * inverse_width;
-        std::fill_n(row, inverse_width, T(0));
-        row[i] = 1;
-        for (int k = 0; k < i; ++k) {
-            const Numbers factor = hn::Set(d, system[k * width + i]);
-            for (int c = 0; c <= k; c += step) {
-                hn::Store(hn::NegMulAdd(factor, hn::Load(d, inverse + k * inverse_width + c), hn::Load(d, row + c)), d,
-                          row + c);
-            }
-        }
-        const Numbers scale = hn::Set(d, inverse_diagonal[i]);
-        for (int c = 0; c <= i; c += step) {
-            hn::Store(hn::Mul(scale, hn::Load(d, row + c)), d, row + c);
-        }
+        invert_row(system + i, width, i, inverse_diagonal[i], inverse, inverse_width);
     }
 }
 

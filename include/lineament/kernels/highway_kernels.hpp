@@ -318,6 +318,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     solve_factored<double>,
                                     invert_factor<double>,
                                     factor_positive<float>,
+                                    factor_and_invert<float>,
                                     solve_factored<float>,
                                     solve_for_one,
                                     solve_lower<float>,

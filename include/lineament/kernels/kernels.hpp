@@ -237,6 +237,10 @@ struct Kernels
     // The same in single precision; rows have a multiple of width_step floats.
     float (*factor_positive_float)(const float* matrix, int n, int begin, int width, float* system,
                                    float* inverse_diagonal);
+    /// Both at once: of the leading num_inverted rows of U^-T, as of invert_factor_float; rows up to the next multiple
+    /// of four may be written, which inverse_width >= n has room for.
+    float (*factor_and_invert_float)(const float* matrix, int n, int begin, int width, float* system,
+                                     float* inverse_diagonal, int num_inverted, float* inverse, int inverse_width);
     void (*solve_factored_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
     /// The same for one right side, x, of which what lies beside the n columns from `begin` on becomes 0; `system` and
     /// x are whole rows of `width`, and `begin` is a multiple of four.

@@ -541,6 +541,16 @@ void invert_factor(const T* system, int n, int width, const T* inverse_diagonal,
     }
 }
 
+inline float factor_and_invert(const float* matrix, int n, int begin, int width, float* system, float* inverse_diagonal,
+                               int num_inverted, float* inverse, int inverse_width)
+{
+    const float least = factor_positive(matrix, n, begin, width, system, inverse_diagonal);
+    if (least > 0) {
+        invert_factor(system + begin, num_inverted, width, inverse_diagonal, inverse, inverse_width);
+    }
+    return least;
+}
+
 template <typename T>
 void solve_lower(const T* system, int n, int width, const T* inverse_diagonal, T* x)
 {
@@ -633,6 +643,7 @@ namespace lineament::kernels {
                                       scalar::solve_factored<double>,
                                       scalar::invert_factor<double>,
                                       scalar::factor_positive<float>,
+                                      scalar::factor_and_invert,
                                       scalar::solve_factored<float>,
                                       scalar::solve_for_one,
                                       scalar::solve_lower<float>,
