@@ -171,7 +171,7 @@ inline void JointFit::run()
         problem_.reference_scale = reference;
         // Before the last round it is enough to come near, after the first by a step with the matrix that there is.
         // Biases let several images follow each landmark, and with h too far where it is small.
-        RoundLimits limits{round == 0 ? 2 : 1, 0.1, round == 0, num_images > 1};
+        RoundLimits limits{round == 0 ? 2 : 1, 0.1, round == 0, true};
         if (is_last) {
             limits = {options().max_iterations, options().tolerance, true};
             scratch_.keeps_matrix = false;

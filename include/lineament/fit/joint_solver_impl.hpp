@@ -311,7 +311,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             if (progress.has_settled || damping > 1e9) {
                 return;
             }
-            const bool may_reweigh = problem.images.size() > 1 && !problem.reweighs;
+            const bool may_reweigh = !problem.reweighs;
             if (keeps_matrix || may_reweigh) {
                 problem.reweighs = !keeps_matrix || problem.reweighs;
                 keeps_matrix = false;
