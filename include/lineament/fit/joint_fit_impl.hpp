@@ -170,7 +170,7 @@ inline void JointFit::run()
         state_.phi_per_mm *= reference / problem_.reference_scale; // the same focal length
         problem_.reference_scale = reference;
         // Before the last round it is enough to come near, after the first by a step with the matrix that there is.
-        // Biases let several images follow each landmark, and with h too far where it is small.
+        // Where h is small, a step with it goes too far.
         RoundLimits limits{round == 0 ? 2 : 1, 0.1, round == 0, true};
         if (is_last) {
             limits = {options().max_iterations, options().tolerance, true};
