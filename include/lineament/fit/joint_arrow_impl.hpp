@@ -17,7 +17,7 @@
 
 namespace lineament::detail {
 
-/// As set_gram_by_kernels.
+/// In single precision.
 LINEAMENT_FIT_INLINE void JointProblem::set_arrow(const JointState& state, JointSystem& system) const
 {
     const std::vector<int>& unknowns = system.unknowns;

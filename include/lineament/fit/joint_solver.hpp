@@ -87,8 +87,8 @@ struct RoundLimits
     bool reweighs = false;            ///< Has rho' in place of h.
 };
 
-/// Lowers the energy of a round by Gauss-Newton steps, whose matrix is kept while the steps are short, has rho' in place
-/// of h after one that does not lower it, and is damped after another, until what is left to go after a step is
+/// Lowers the energy of a round by Gauss-Newton steps, whose matrix is kept while the steps are short, has rho' in
+/// place of h after one that does not lower it, and is damped after another, until what is left to go after a step is
 /// `tolerance` posterior standard deviations long (step^T H step = -gradient^T step, times the rate at which that
 /// falls), or the iterations are used up.
 void minimize(JointProblem& problem, JointState& state, const RoundLimits& limits, int round, JointScratch& scratch,

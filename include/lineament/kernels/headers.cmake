@@ -1,1 +1,1 @@
-set(headers aligned_buffer.hpp highway_camera_kernels.hpp highway_column_kernels.hpp highway_double_kernels.hpp highway_factor_kernels.hpp highway_kernels.hpp highway_product_sums.hpp highway_system_kernels.hpp kernels.hpp scalar_kernels.hpp)
+set(headers aligned_buffer.hpp highway_camera_kernels.hpp highway_column_kernels.hpp highway_double_kernels.hpp highway_factor_kernels.hpp highway_kernels.hpp highway_product_sums.hpp highway_solve_kernels.hpp highway_system_kernels.hpp kernels.hpp scalar_factor_kernels.hpp scalar_kernels.hpp)

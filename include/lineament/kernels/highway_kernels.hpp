@@ -16,6 +16,7 @@
 #include "lineament/kernels/highway_column_kernels.hpp"
 #include "lineament/kernels/highway_double_kernels.hpp"
 #include "lineament/kernels/highway_factor_kernels.hpp"
+#include "lineament/kernels/highway_solve_kernels.hpp"
 #include "lineament/kernels/highway_system_kernels.hpp"
 
 // An include guard that opens once for each instruction set.

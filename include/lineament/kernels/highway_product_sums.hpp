@@ -37,9 +37,8 @@ enum class Sign
     minus,
 };
 
-/// Four rows of `from` and N vectors of columns of them, with the sum over k of factors[k factor_step + q] times row
-/// k of `rows` added to or taken from row q,
-/// become those of `target`. `from` may be `target`, or nullptr for zeros.
+/// Four rows of `from` and N vectors of columns of them, with the sum over k of factors[k factor_step + q] times row k
+/// of `rows` added to or taken from row q, become those of `target`. `from` may be `target`, or nullptr for zeros.
 template <int N, Sign sign, class T>
 HWY_INLINE void add_products(const T* rows, const T* factors, int count, int width, int factor_step, const T* from,
                              T* target)
