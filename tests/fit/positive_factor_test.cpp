@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 namespace lineament {
@@ -23,6 +24,37 @@ Eigen::MatrixXd solved(detail::PositiveFactor& factor, Eigen::MatrixXd columns)
 {
     factor.solve(columns);
     return columns;
+}
+
+/// NaN wherever nothing is to be read.
+detail::UpperTriangle upper_triangle_of(const Eigen::MatrixXd& matrix)
+{
+    detail::UpperTriangle upper;
+    upper.resize(matrix.rows());
+    const int width = upper.width();
+    std::fill_n(upper.rows.data(), width * width, std::numeric_limits<float>::quiet_NaN());
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+        float* row = upper.rows.data() + (upper.begin() + i) * width;
+        std::fill(row + upper.begin() + matrix.rows(), row + width, 0.0f);
+        for (Eigen::Index j = i; j < matrix.rows(); ++j) {
+            row[upper.begin() + j] = static_cast<float>(matrix(i, j));
+        }
+    }
+    return upper;
+}
+
+TEST(PositiveFactor, TheTraceOfSomeIsNotThatOfFarLargerOthers)
+{
+    Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(14, 2);
+    diagonal.segment(6, 4).setConstant(1e-9);
+    const Eigen::MatrixXd matrix = diagonal.asDiagonal();
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        detail::PositiveFactor factor(set);
+        for (const Eigen::Index num_inverted : {10, 0}) {
+            ASSERT_TRUE(factor.factor(upper_triangle_of(matrix), 0.0, num_inverted)) << set->name;
+            EXPECT_NEAR(factor.inverse_trace(10, 6, {}), 3, 1e-5) << set->name;
+        }
+    }
 }
 
 TEST(PositiveFactor, SolvesAndInvertsWhateverItHeldBefore)
@@ -56,6 +88,23 @@ TEST(PositiveFactor, SolvesAndInvertsWhateverItHeldBefore)
             EXPECT_NEAR(factor.inverse_trace(leading, count, weights),
                         (weights * of_leading.topLeftCorner(count, count)).trace(), 10 * rounding);
 
+            if (set != nullptr) {
+                const detail::UpperTriangle upper = upper_triangle_of(matrix);
+                for (const double damping : {0.0, 0.5}) {
+                    for (const Eigen::Index num_inverted : {leading, Eigen::Index(0)}) {
+                        Eigen::MatrixXd damped = matrix;
+                        damped.diagonal() *= 1 + damping;
+                        ASSERT_TRUE(factor.factor(upper, damping, num_inverted));
+                        EXPECT_THAT(solved(factor, b), IsNear(Eigen::MatrixXd(damped.inverse() * b), rounding));
+                        EXPECT_THAT(solved(factor, b.leftCols(1)),
+                                    IsNear(Eigen::MatrixXd(damped.inverse() * b.leftCols(1)), rounding));
+                        EXPECT_NEAR(
+                            factor.inverse_trace(leading, count, {}),
+                            damped.topLeftCorner(leading, leading).inverse().topLeftCorner(count, count).trace(),
+                            rounding);
+                    }
+                }
+            }
             factor.factor(matrix, 0.5); // nothing of the other stays
             Eigen::MatrixXd damped = matrix;
             damped.diagonal() *= 1.5;

@@ -451,6 +451,15 @@ TEST_P(DoubleKernelsTest, NotPositiveDefiniteIsTold)
             EXPECT_FALSE(kernels.factor_positive(system.data(), n, 0, width, system.data(), inverse_diagonal.data()) >
                          0)
                 << n << " " << bad;
+            const int single_width = round_up(n, width_step);
+            AlignedBuffer<float> single(n * single_width), other(single.size()), inverses(n),
+                inverse(16 * single_width);
+            for (int i = 0; i < n; ++i) {
+                single[i * single_width + i] = i == bad ? -1 : 1;
+            }
+            EXPECT_FALSE(kernels.factor_and_invert_float(single.data(), n, 0, single_width, other.data(),
+                                                         inverses.data(), n, inverse.data(), single_width) > 0)
+                << n << " " << bad;
             for (int i = 0; i < n; ++i) {
                 system[i * width + i] = i == bad ? std::numeric_limits<double>::quiet_NaN() : 1;
             }

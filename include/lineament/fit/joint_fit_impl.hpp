@@ -48,6 +48,9 @@ inline void JointFit::begin(const JointContext& context, const IdentityPrior& pr
     progress_.iterations = 0;
     progress_.energies.clear();
     scratch_.keeps_matrix = false;
+    for (PlacedPoints& placed : scratch_.placed) {
+        placed.num_shaped = 0;
+    }
     total_us_ = 0.0;
     contour_us_ = 0.0;
 }

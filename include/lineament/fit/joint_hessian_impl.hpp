@@ -44,12 +44,13 @@ inline void set_lower(const UpperTriangle& upper, RoomyMatrix<Eigen::MatrixXd>& 
 
 /// J^T W J of some unknowns of one image, by their positions in [shared | own].
 LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
-                                                 JointSystem& system, RoomyMatrix<Eigen::MatrixXd>& gram) const
+                                                 JointSystem& system, RoomyMatrix<Eigen::MatrixXd>& gram,
+                                                 bool is_by_kernels) const
 {
     const PointTerms& terms = system.terms[image];
     const Eigen::Index num_points = terms.residuals.rows();
     const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
-    if (kernels != nullptr) {
+    if (is_by_kernels) {
         set_upper_gram(image, own_scale, unknowns, system, system.upper);
         set_lower(system.upper, gram);
         return;
@@ -198,25 +199,26 @@ LINEAMENT_FIT_INLINE void JointProblem::set_upper(const JointState& state, Joint
     }
 }
 
-LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(const JointState& state, JointSystem& system) const
 {
     if (system.has_hessian) {
         return;
     }
-    system.has_hessian = true;
     if (is_arrow()) {
+        system.has_hessian = true;
         complete_hessian_of_arrow(system);
-        return;
+    } else {
+        set_hessian(state, system, false); // to kernels it is not positive definite
     }
-    set_lower(system.upper, system.hessian);
 }
 
 /// The matrix of system.unknowns, biases eliminated.
-LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, JointSystem& system) const
+LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, JointSystem& system,
+                                                    bool is_by_kernels) const
 {
     if (is_arrow()) {
         set_arrow(state, system);
-        complete_hessian(system);
+        complete_hessian(state, system);
         return;
     }
     system.has_hessian = true;
@@ -227,12 +229,12 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
     };
     const Eigen::Index shared = is_before(num_shared());
     if (images.size() == 1 && state.bias.size() == 0) {
-        set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian);
+        set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian, is_by_kernels);
     } else {
         system.hessian.setZero(size, size);
         RoomyMatrix<Eigen::MatrixXd> gram;
         for (std::size_t f = 0; f < images.size(); ++f) {
-            set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram);
+            set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram, is_by_kernels);
             const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
             system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
             system.hessian.block(begin, 0, own, shared) = gram.bottomLeftCorner(own, shared);
@@ -273,7 +275,7 @@ JointProblem::scale_strengths(const JointState& state, const std::vector<int>& l
     std::vector<double> strengths;
     for (std::size_t f = 0; f < images.size(); ++f) {
         const std::vector<int> of_image = unknowns_of_image(f, linear);
-        set_gram(f, own_scale(f, state), of_image, system, gram);
+        set_gram(f, own_scale(f, state), of_image, system, gram, kernels != nullptr);
         double strength = 0;
         for (Eigen::Index j = 0; j < num_alpha; ++j) { // of symmetric matrices: below the diagonal all counts twice
             const Eigen::Index below = num_alpha - 1 - j;

@@ -222,7 +222,7 @@ LINEAMENT_FIT_INLINE void JointImageMatcher::set_start_weights(Eigen::VectorXd& 
     }
     const double largest = weights.size() > 0 ? weights.maxCoeff() : 1.0;
     if (largest > 0 && std::isfinite(largest)) {
-        weights *= 1 / largest;
+        weights /= largest;
     } else {
         weights.setOnes(); // of such noise none says more than another
     }

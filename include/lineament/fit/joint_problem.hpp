@@ -211,8 +211,9 @@ public:
         return kernels != nullptr && (images.size() > 1 || bias_variances_mm.size() > 0);
     }
 
-    /// Sets the system's matrix from what kernels left, if that is all there is.
-    void complete_hessian(JointSystem& system) const;
+    /// Sets the system's matrix if there is only what kernels left; that of a single image anew, in double precision.
+    /// @param state  That of the system.
+    void complete_hessian(const JointState& state, JointSystem& system) const;
 
     /// The gradient alone anew; what has been eliminated with the biases stays. False where unknowns are free that the
     /// matrix is not of.
@@ -280,10 +281,10 @@ private:
                                               const Eigen::MatrixXd& hidden, JointSystem& system) const;
     [[nodiscard]] Eigen::Matrix3Xd bias_pulls(const JointSystem& system, const Eigen::VectorXd& step) const;
     void eliminate_bias_gradient(JointSystem& system) const;
-    void set_hessian(const JointState& state, JointSystem& system) const;
+    void set_hessian(const JointState& state, JointSystem& system, bool is_by_kernels) const;
     void eliminate_bias_hessian(JointSystem& system) const;
     void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
-                  RoomyMatrix<Eigen::MatrixXd>& gram) const;
+                  RoomyMatrix<Eigen::MatrixXd>& gram, bool is_by_kernels) const;
     void set_upper_gram(std::size_t image, double own_scale, std::span<const int> unknowns, JointSystem& system,
                         UpperTriangle& gram) const;
     float* set_rows(std::size_t image, double own_scale, std::span<const int> others, int alpha_begin, int others_begin,

@@ -160,14 +160,14 @@ inline void set_scale_strength(JointProblem& problem, std::size_t image, double 
 /// In single precision where there are kernels, image by image where that takes less, unless the matrix is not positive
 /// definite to that.
 /// @param num_inverted  As for PositiveFactor.
-inline void factor_system(const JointProblem& problem, JointSystem& system, double damping, PositiveFactor& factor,
-                          Eigen::Index num_inverted = 0)
+inline void factor_system(const JointProblem& problem, const JointState& state, JointSystem& system, double damping,
+                          PositiveFactor& factor, Eigen::Index num_inverted = 0)
 {
     const bool is_factored = problem.is_arrow()
                                  ? system.arrow.is_sparse() && factor.factor(system.arrow, damping)
                                  : !system.has_hessian && factor.factor(system.upper, damping, num_inverted);
     if (!is_factored) {
-        problem.complete_hessian(system);
+        problem.complete_hessian(state, system);
         factor.factor(system.hessian, damping);
     }
 }
@@ -230,7 +230,7 @@ LINEAMENT_FIT_INLINE void refresh_scale_strengths(JointProblem& problem, const J
         arrow = system.arrow.block(linear);
     }
     if (!(is_sparse && lambda.factor(arrow, 0.0))) {
-        problem.complete_hessian(system);
+        problem.complete_hessian(state, system);
         lambda.factor(block_of(system.hessian, linear));
     }
     if (is_alone) {
@@ -267,7 +267,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             keeps_matrix = false;
             problem.linearize_free(state, placed, system);
             const bool sets_scale_strengths = iteration == 0 && limits.sets_scale_strengths;
-            factor_system(problem, system, damping, factor,
+            factor_system(problem, state, system, damping, factor,
                           sets_scale_strengths && problem.num_shape() > 0 ? num_leading_linear(problem, state, system)
                                                                           : 0);
             if (sets_scale_strengths) {
@@ -319,7 +319,7 @@ LINEAMENT_FIT_INLINE void minimize(JointProblem& problem, JointState& state, con
             } else {
                 damping = std::max(1e-3, 10 * damping);
             }
-            factor_system(problem, system, damping, factor);
+            factor_system(problem, state, system, damping, factor);
         }
     }
 }

@@ -313,12 +313,17 @@ private:
         return set_root(n, single_.data() + begin_, single_inverses_, single_root_, kernels_->invert_factor_float);
     }
 
-    /// The squares of the leading columns of what set_root has set.
+    /// The squares of the leading columns of what set_root has set, without any of the others, which may be far larger.
     [[nodiscard]] double leading_squares(const Rows<float>& root, Eigen::Index count) const
     {
-        const double all = kernels_->sum_squares_float(root.data(), static_cast<int>(root.rows() * root.outerStride()));
-        const Eigen::Index num_others = root.cols() - count;
-        return all - static_cast<double>(root.bottomRightCorner(num_others, num_others).squaredNorm());
+        const int width = static_cast<int>(root.outerStride()), size = static_cast<int>(count);
+        const int whole = size / kernels::width_step * kernels::width_step;
+        double sum = kernels_->sum_squares_float(root.data(), size * width); // 0 above the diagonal
+        for (Eigen::Index i = count; i < root.rows(); ++i) {
+            sum += static_cast<double>(kernels_->sum_squares_float(root.data() + i * width, whole)) +
+                   static_cast<double>(root.row(i).segment(whole, size - whole).squaredNorm());
+        }
+        return sum;
     }
 
     /// Of what `double_` holds.

@@ -102,8 +102,8 @@ struct Kernels
     void (*multiply_rows)(const float* point_rows, int width, const int* indices, int count, const float* x,
                           float* out);
 
-    /// gram += rows^T rows, rows `begin` to `end` of the upper triangle (more may be written); `begin` is a multiple of
-    /// four.
+    /// gram += rows^T rows, rows `begin` to `end` of the upper triangle; `begin` is a multiple of four, and rows up to
+    /// the next one, which `gram` has room for, may be written.
     void (*add_gram)(const float* rows, int num_rows, int begin, int end, int width, float* gram);
     /// The same in place of what there is.
     void (*set_gram)(const float* rows, int num_rows, int begin, int end, int width, float* gram);
