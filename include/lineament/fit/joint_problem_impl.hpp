@@ -195,9 +195,10 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
     if (kernels != nullptr) {
         kernels->pull_points(terms.residuals.data(), terms.derivatives.data(), static_cast<int>(num_points),
                              factors.data());
-    }
-    for (int axis = 0; axis < 3 && kernels == nullptr; ++axis) {
-        factors.row(axis) = first.cwiseProduct(derivative(axis)) + second.cwiseProduct(derivative(3 + axis));
+    } else {
+        for (int axis = 0; axis < 3; ++axis) {
+            factors.row(axis) = first.cwiseProduct(derivative(axis)) + second.cwiseProduct(derivative(3 + axis));
+        }
     }
     for (int c = 0; c < 6; ++c) {
         system.gradient[camera_begin(image) + c] = first.dot(derivative(6 + c)) + second.dot(derivative(12 + c));
