@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What the joint fit factors and solves, by Eigen and by the kernels of every instruction set, against Eigen's LU.
+#include "lineament/fit/arrow_inverse_impl.hpp"
 #include "lineament/fit/positive_factor_impl.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
@@ -13,6 +14,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <string>
+#include <utility>
 #include <vector>
 
 namespace lineament {
@@ -282,6 +286,87 @@ TEST(PositiveFactor, SolvesImageByImage)
                     EXPECT_FALSE(factor.factor(indefinite.matrix, 0.0)) << bad;
                 }
             }
+        }
+    }
+}
+
+/// The inverse of some unknowns' block, and each other unknown's deviation if it were among them.
+void expect_inverse(detail::ArrowInverse& inverse, const kernels::Kernels& set, const Arrow& arrow,
+                    const std::vector<int>& held)
+{
+    const Eigen::MatrixXd visible = arrow.visible();
+    std::vector<int> free;
+    for (int i = 0; i < static_cast<int>(visible.rows()); ++i) {
+        if (std::find(held.begin(), held.end(), i) == held.end()) {
+            free.push_back(i);
+        }
+    }
+    const Eigen::MatrixXd expected = Eigen::MatrixXd(visible(free, free)).inverse();
+    Eigen::VectorXd deviations;
+    inverse.find(set, arrow.matrix, free, deviations);
+    ASSERT_EQ(deviations.size(), visible.rows());
+    EXPECT_THAT(Eigen::VectorXd(deviations(free)), IsNear(Eigen::VectorXd(expected.diagonal().cwiseSqrt()), 1e-6));
+    for (const int k : held) {
+        std::vector<int> with_k = free;
+        with_k.push_back(k);
+        const Eigen::MatrixXd of_both = Eigen::MatrixXd(visible(with_k, with_k)).inverse();
+        EXPECT_NEAR(deviations[k], std::sqrt(of_both.bottomRightCorner<1, 1>().value()), 1e-6) << k;
+    }
+    int begin = arrow.matrix.num_shared;
+    for (std::size_t f = 0; f < arrow.matrix.counts.size(); ++f) {
+        std::vector<int> positions; // of shared and the image's own among the free
+        const int end = begin + arrow.matrix.counts[f];
+        for (std::size_t i = 0; i < free.size(); ++i) {
+            if (free[i] < arrow.matrix.num_shared || (free[i] >= begin && free[i] < end)) {
+                positions.push_back(static_cast<int>(i));
+            }
+        }
+        std::vector<int> unknowns;
+        Eigen::MatrixXd block;
+        inverse.set_block_of_image(f, unknowns, block);
+        ASSERT_EQ(unknowns.size(), positions.size());
+        for (std::size_t i = 0; i < positions.size(); ++i) {
+            EXPECT_EQ(unknowns[i], free[static_cast<std::size_t>(positions[i])]);
+        }
+        EXPECT_THAT(block, IsNear(Eigen::MatrixXd(expected(positions, positions)), 1e-6)) << "image " << f;
+        begin = end;
+    }
+}
+
+TEST(ArrowInverse, IsThatOfTheWholeMatrix)
+{
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        Random random(824);
+        detail::ArrowInverse inverse; // whatever it held before
+        for (const int num_hidden : {0, 6}) {
+            for (const std::vector<int>& held :
+                 {std::vector<int>{}, {2, 8, 9, 20, 27, 38}, {9, 10, 11, 12, 37}, {0, 1, 2, 3, 4, 5, 6, 7, 8}}) {
+                SCOPED_TRACE(set->name + std::string(", hidden ") + std::to_string(num_hidden) + ", held " +
+                             std::to_string(held.size()));
+                expect_inverse(inverse, *set, Arrow(random, {4, 19, 0, 7}, num_hidden, 9), held);
+            }
+        }
+    }
+}
+
+TEST(ArrowInverse, OfWhatIsNotPositiveDefiniteToSinglePrecisionIsNotANumber)
+{
+    for (const kernels::Kernels* set : kernels::supported_kernels()) {
+        Random random(825);
+        const Arrow arrow(random, {4, 19}, 6, 9);
+        std::vector<int> free(32);
+        std::iota(free.begin(), free.end(), 0);
+        // Hidden, shared, own; and the one eliminated last, to rounding only.
+        for (const auto& [bad, pivot] :
+             {std::pair(0, -1.0), std::pair(6, -1.0), std::pair(37, -1.0), std::pair(14, 1e-7)}) {
+            Arrow indefinite = arrow;
+            const double least = arrow.all(bad, bad) - 1 / arrow.all.inverse()(bad, bad); // singular
+            indefinite.all(bad, bad) = least + pivot * arrow.all(bad, bad);
+            indefinite.pack();
+            detail::ArrowInverse inverse;
+            Eigen::VectorXd deviations;
+            inverse.find(*set, indefinite.matrix, free, deviations);
+            EXPECT_TRUE(deviations.array().isNaN().all()) << set->name << " " << bad << " " << pivot;
         }
     }
 }

@@ -173,6 +173,26 @@ TEST_P(DoubleKernelsTest, AddsGramMatrixOfLowerTriangle)
     }
 }
 
+TEST_P(DoubleKernelsTest, AddsRowsOfAGramMatrix)
+{
+    for (const int width : {8, 24, 32, 72}) {
+        for (const int num_rows : {0, 1, 6, 33}) {
+            for (const auto& [begin, end] : {std::pair(0, width), std::pair(4, width - 1)}) {
+                const AlignedBuffer<double> rows = random_doubles(random, num_rows * width);
+                AlignedBuffer<double> gram = random_doubles(random, width * width);
+                const Eigen::MatrixXd r = matrix_of(rows, num_rows, width);
+                const Eigen::MatrixXd before = matrix_of(gram, width, width), expected = before + r.transpose() * r;
+                kernels.add_gram_double(rows.data(), num_rows, begin, end, width, gram.data());
+                const Eigen::MatrixXd found = matrix_of(gram, width, width).triangularView<Eigen::Upper>();
+                const Eigen::MatrixXd upper = expected.triangularView<Eigen::Upper>();
+                EXPECT_THAT(Eigen::MatrixXd(found.middleRows(begin, end - begin)),
+                            IsNear(Eigen::MatrixXd(upper.middleRows(begin, end - begin)), 1e-12));
+                EXPECT_EQ(matrix_of(gram, width, width).topRows(begin), before.topRows(begin));
+            }
+        }
+    }
+}
+
 TEST_P(DoubleKernelsTest, FactorsAndSolves)
 {
     for (const int n : {1, 3, 4, 8, 15, 16, 47, 72}) {

@@ -7,6 +7,7 @@
 #ifndef LINEAMENT_FIT_JOINT_CERTAINTY_IMPL_HPP
 #define LINEAMENT_FIT_JOINT_CERTAINTY_IMPL_HPP
 
+#include "lineament/fit/arrow_inverse_impl.hpp"
 #include "lineament/fit/joint_problem.hpp"
 #include "lineament/fit/positive_factor_impl.hpp"
 
@@ -25,12 +26,18 @@ class JointCertainty
 {
 public:
     /// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
-    /// unknown k that is held.
+    /// unknown k that is held. Of an arrow, where that takes less, image by image.
     /// @param system  With the matrix of all unknowns.
-    /// @param factor  Its memory holds the answer.
+    /// @param factor  Its memory may hold the answer.
     void find(const JointProblem& problem, const JointState& state, JointSystem& system, PositiveFactor& factor)
     {
         problem.find_free_unknowns(state, system, free_);
+        is_arrow_ = problem.is_arrow() && system.arrow.is_sparse();
+        if (is_arrow_) {
+            arrow_.find(*problem.kernels, system.arrow, free_, deviations_);
+            return;
+        }
+        problem.complete_hessian(state, system);
         held_.clear();
         std::set_difference(system.unknowns.begin(), system.unknowns.end(), free_.begin(), free_.end(),
                             std::back_inserter(held_));
@@ -54,16 +61,29 @@ public:
     /// K, standard deviations, each as if it were free.
     [[nodiscard]] const Eigen::VectorXd& deviations() const { return deviations_; }
 
-    /// Sets the block of some unknowns, ascending; rows of those held are 0.
+    /// Sets the block of some unknowns, shared or of one image's own, ascending; rows of those held are 0.
     template <typename Block>
-    void set_covariance(const std::vector<int>& unknowns, Block covariance)
+    void set_covariance(std::size_t image, const std::vector<int>& unknowns, Block covariance)
+    {
+        if (is_arrow_) {
+            arrow_.set_block_of_image(image, of_image_, block_);
+            set_covariance(of_image_, block_, unknowns, covariance);
+        } else {
+            set_covariance(free_, inverse_, unknowns, covariance);
+        }
+    }
+
+private:
+    template <typename Inverse, typename Block>
+    void set_covariance(const std::vector<int>& free, const Inverse& inverse, const std::vector<int>& unknowns,
+                        Block covariance)
     {
         const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
         positions_.clear();
-        auto next = free_.begin();
+        auto next = free.begin();
         for (const int unknown : unknowns) {
-            next = std::lower_bound(next, free_.end(), unknown);
-            positions_.push_back(next != free_.end() && *next == unknown ? next - free_.begin() : -1);
+            next = std::lower_bound(next, free.end(), unknown);
+            positions_.push_back(next != free.end() && *next == unknown ? next - free.begin() : -1);
         }
         Eigen::Index num_same = 0; // the first, which are the first of the free
         while (num_same < size && positions_[static_cast<std::size_t>(num_same)] == num_same) {
@@ -75,21 +95,24 @@ public:
                 covariance.col(j).setZero();
                 continue;
             }
-            covariance.col(j).head(num_same) = inverse_.col(from).head(num_same);
+            covariance.col(j).head(num_same) = inverse.col(from).head(num_same);
             for (Eigen::Index i = num_same; i < size; ++i) {
                 const Eigen::Index at = positions_[static_cast<std::size_t>(i)];
-                covariance(i, j) = at >= 0 ? inverse_(at, from) : 0.0;
+                covariance(i, j) = at >= 0 ? inverse(at, from) : 0.0;
             }
         }
     }
 
-private:
     std::vector<int> free_ = {}; ///< Ascending; the others are held at a bound.
     std::vector<int> held_ = {};
     PositiveFactor::Square inverse_ = {nullptr, 0, 0, Eigen::OuterStride<>(0)}; ///< The covariance of the free.
     Eigen::VectorXd deviations_ = {};
     RoomyMatrix<Eigen::VectorXd> explained_ = {};
     std::vector<Eigen::Index> positions_ = {}; ///< Among the free, or -1.
+    bool is_arrow_ = false;                    ///< The covariance is in `arrow_`.
+    ArrowInverse arrow_ = {};
+    std::vector<int> of_image_ = {}; ///< Kept for their room.
+    Eigen::MatrixXd block_ = {};
 };
 
 } // namespace lineament::detail

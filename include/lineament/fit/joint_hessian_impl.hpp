@@ -216,11 +216,6 @@ LINEAMENT_FIT_INLINE void JointProblem::complete_hessian(const JointState& state
 LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, JointSystem& system,
                                                     bool is_by_kernels) const
 {
-    if (is_arrow()) {
-        set_arrow(state, system);
-        complete_hessian(state, system);
-        return;
-    }
     system.has_hessian = true;
     const Eigen::Index size = static_cast<Eigen::Index>(system.unknowns.size());
     const auto is_before = [&](Eigen::Index end) {

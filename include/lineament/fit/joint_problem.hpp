@@ -195,7 +195,7 @@ public:
     /// Weighted squares of residuals and priors, without robust loss and scale term.
     [[nodiscard]] double chi_square(const JointState& state, const std::vector<PlacedPoints>& placed) const;
 
-    /// With the matrix of all unknowns.
+    /// With the matrix of all unknowns, by kernels as an arrow, where it is_arrow().
     void linearize(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
 
     /// The unknowns that a step may move: those with room, unless at a bound that the energy pushes them against. Sets

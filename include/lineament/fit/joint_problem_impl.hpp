@@ -352,7 +352,11 @@ LINEAMENT_FIT_INLINE void JointProblem::linearize(const JointState& state, const
     eliminate_bias_gradient(system);
     system.unknowns.resize(static_cast<std::size_t>(num_unknowns()));
     std::iota(system.unknowns.begin(), system.unknowns.end(), 0);
-    set_hessian(state, system, kernels != nullptr);
+    if (is_arrow()) {
+        set_arrow(state, system);
+    } else {
+        set_hessian(state, system, kernels != nullptr);
+    }
 }
 
 LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, const std::vector<PlacedPoints>& placed,

@@ -261,7 +261,7 @@ inline void JointFit::set_certainty(JointFramesResult& result)
         if (num_shape < num_all) {
             frame.covariance.setZero();
         }
-        certainty_.set_covariance(face_, frame.covariance.bottomRightCorner(num_face, num_face));
+        certainty_.set_covariance(f, face_, frame.covariance.bottomRightCorner(num_face, num_face));
         frame.expression_deviations = certainty_.deviations().segment(begin, num_expressions());
         set_unobservable_names(frame.expression_deviations, frame.fit.expression_names, options().expression_sigma,
                                frame.unobservable_expressions);

@@ -314,6 +314,7 @@ inline void see_points(const float* points, int count, const double* m, double* 
                                     camera_residuals,
                                     weigh_by_student_t,
                                     camera_derivatives,
+                                    add_gram_double,
                                     add_lower_gram,
                                     factor_positive<double>,
                                     solve_factored<double>,

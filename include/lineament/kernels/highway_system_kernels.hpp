@@ -25,16 +25,23 @@ HWY_BEFORE_NAMESPACE();
 namespace lineament::kernels::HWY_NAMESPACE {
 
 /// Rows i..i+3 of a Gram matrix at a time, from the diagonal's vector on, added to what there is or to nothing.
-inline void make_gram(const float* rows, int num_rows, int begin, int end, int width, bool adds, float* gram)
+template <class T>
+HWY_INLINE void make_gram(const T* rows, int num_rows, int begin, int end, int width, bool adds, T* gram)
 {
+    constexpr int step = full_lanes<T>;
     for (int i = begin; i < end; i += 4) {
-        float* target = gram + i * width;
-        add_products_from<Sign::plus>(i / lanes * lanes, rows, rows + i, num_rows, width, width,
+        T* target = gram + i * width;
+        add_products_from<Sign::plus>(i / step * step, rows, rows + i, num_rows, width, width,
                                       adds ? target : nullptr, target);
     }
 }
 
 inline void add_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
+{
+    make_gram(rows, num_rows, begin, end, width, true, gram);
+}
+
+inline void add_gram_double(const double* rows, int num_rows, int begin, int end, int width, double* gram)
 {
     make_gram(rows, num_rows, begin, end, width, true, gram);
 }

@@ -214,6 +214,9 @@ struct Kernels
     void (*camera_derivatives)(const PerspectiveCamera& camera, const double* points, const double* offsets,
                                const double* roots, const double* factors, int count, double* derivatives);
 
+    /// add_gram in double precision; rows have a multiple of double_step.
+    void (*add_gram_double)(const double* rows, int num_rows, int begin, int end, int width, double* gram);
+
     /// gram += L^T L of a lower triangular L with n rows of `width` >= n, upper triangle (more may be written).
     void (*add_lower_gram)(const double* lower, int n, int width, double* gram);
 

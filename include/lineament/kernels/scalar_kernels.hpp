@@ -115,11 +115,12 @@ inline void multiply_rows(const float* point_rows, int width, const int* indices
     }
 }
 
-inline void add_gram(const float* rows, int num_rows, int begin, int end, int width, float* gram)
+template <typename T>
+void add_gram(const T* rows, int num_rows, int begin, int end, int width, T* gram)
 {
     for (int i = begin; i < end; ++i) {
         for (int r = 0; r < num_rows; ++r) {
-            const float* row = rows + r * width;
+            const T* row = rows + r * width;
             for (int c = i; c < width; ++c) {
                 gram[i * width + c] += row[i] * row[c];
             }
@@ -490,7 +491,7 @@ namespace lineament::kernels {
                                       scalar::combine_grams,
                                       scalar::project_rows,
                                       scalar::multiply_rows,
-                                      scalar::add_gram,
+                                      scalar::add_gram<float>,
                                       scalar::set_gram,
                                       scalar::add_rows,
                                       scalar::add_point_rows,
@@ -513,6 +514,7 @@ namespace lineament::kernels {
                                       scalar::camera_residuals,
                                       scalar::weigh_by_student_t,
                                       scalar::camera_derivatives,
+                                      scalar::add_gram<double>,
                                       scalar::add_lower_gram,
                                       scalar::factor_positive<double>,
                                       scalar::solve_factored<double>,
