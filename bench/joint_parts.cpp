@@ -165,6 +165,7 @@ void register_joint_parts(const Kernels& kernels)
         add_part("joint_step", [](auto& s, const Kernels& k, const auto& e) { joint_warm_fit(s, k, e, false); });
         add_part("joint_frozen", joint_frozen_step);
         add_part("joint_frames_10", [](auto& s, const Kernels& k, const auto& e) { joint_frames(s, k, e, 10); });
+        add_part("joint_frames_64", [](auto& s, const Kernels& k, const auto& e) { joint_frames(s, k, e, 64); });
     }
 }
 

@@ -39,6 +39,8 @@ PARTS = {
     "joint_frozen_arkit47": "the same, identity frozen, and mesh, 47",
     "joint_frames_10_ekman6": "`JointFitter::fit_frames` of 10 images, 6",
     "joint_frames_10_arkit47": "`JointFitter::fit_frames` of 10 images, 47",
+    "joint_frames_64_ekman6": "`JointFitter::fit_frames` of 64 images, 6",
+    "joint_frames_64_arkit47": "`JointFitter::fit_frames` of 64 images, 47",
     "warm_step_ekman6": "one iteration from the last result, 6",
     "warm_step_arkit47": "one iteration from the last result, 47",
     "frozen_ekman6": "one iteration, identity frozen, 6",

@@ -270,7 +270,8 @@ public:
         return columns;
     }
 
-    /// U^-T e_k for some unknowns k of [shared | own of each image], as columns of num_rows() rows of `width`.
+    /// U^-T e_k for some unknowns k of [shared | own of each image], as columns of num_rows() rows of `width`: those of
+    /// the image whose own one k is, num_own_rows(), the other images' being 0, and those of [hidden | shared].
     /// @param num_before  The first, whose columns are set.
     void set_halves(const std::vector<int>& unknowns, std::size_t num_before, int width, float* halves)
     {
@@ -309,15 +310,34 @@ public:
             }
             kernels_->solve_lower_float(shared_.data(), num_beside, matrix.shared_width, shared_inverses_.data(),
                                         beside.data());
-            for (int i = 0; i < num_own; ++i) {
-                std::copy_n(own.data() + i * step, count, halves + i * width + begin);
+            for (int q = 0; q < count; ++q) {
+                const auto [first, num_rows] = rows_of_image_with(unknowns[begin + static_cast<std::size_t>(q)]);
+                float* column = halves + begin + q;
+                for (int i = 0; i < num_own_rows(); ++i) {
+                    column[i * width] = i < num_rows ? own(first + i, q) : 0.0f;
+                }
             }
             for (int i = 0; i < num_beside; ++i) {
-                std::copy_n(beside.data() + i * step, count, halves + (num_own + i) * width + begin);
+                std::copy_n(beside.data() + i * step, count, halves + (num_own_rows() + i) * width + begin);
             }
         }
     }
-    [[nodiscard]] int num_rows() const { return matrix_->num_own() + matrix_->num_beside(); }
+    [[nodiscard]] int num_own_rows() const { return matrix_->own_width; }
+    [[nodiscard]] int num_rows() const { return num_own_rows() + matrix_->num_beside(); }
+
+    /// The first row among the own ones of the image whose own unknown that is, and how many they are; none of a shared
+    /// one.
+    [[nodiscard]] std::pair<int, int> rows_of_image_with(int unknown) const
+    {
+        int first = 0;
+        for (const int count : matrix_->counts) {
+            if (unknown >= matrix_->num_shared && unknown - matrix_->num_shared < first + count) {
+                return {first, count};
+            }
+            first += count;
+        }
+        return {first, 0};
+    }
 
 private:
     void solve_own(int row, int num_rows, float* x)

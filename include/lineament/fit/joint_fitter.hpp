@@ -153,7 +153,7 @@ private:
 /// Gauss-Newton steps on all unknowns at once; each step taken lowers E. `const` members may run in several threads at
 /// once. Same input, same bits.
 /// @par Cost       About O(L (m + k)^2 + (m + F k)^3) a step for F images; by kernels O(F k (m + 3L)^2 + (m + 3L)^3)
-///                 where that is less, with the cube once, for the covariance. Meant for some dozens of images at once.
+///                 where that is less, covariances too. Meant for some dozens of images at once.
 /// @par Reference  The maximum a posteriori form of Huber's pipeline (PhD thesis, University of Surrey 2017, chapters 4
 ///                 and 5); the scale term and the bias model are derived in docs/joint-fit.md.
 class JointFitter

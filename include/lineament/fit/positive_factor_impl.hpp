@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -145,7 +146,20 @@ public:
         }
         arrow_.set_halves(unknowns, num_before, width, halves.data());
         Eigen::Map<RowMajor<float>> gram(room_for(single_gram_, width * width), width, width);
-        kernels_->set_gram(halves.data(), num_rows, 0, static_cast<int>(count), width, gram.data());
+        const int num_own_rows = arrow_.num_own_rows();
+        kernels_->set_gram(halves.data() + num_own_rows * width, num_rows - num_own_rows, 0, static_cast<int>(count),
+                           width, gram.data());
+        std::vector<std::pair<int, int>> rows_of_images;
+        std::transform(unknowns.begin(), unknowns.end(), std::back_inserter(rows_of_images),
+                       [&](int unknown) { return arrow_.rows_of_image_with(unknown); });
+        for (Eigen::Index i = 0; i < count; ++i) {
+            const auto rows = rows_of_images[static_cast<std::size_t>(i)];
+            for (Eigen::Index j = i; j < count; ++j) { // of different images they have no rows in common
+                if (rows_of_images[static_cast<std::size_t>(j)] == rows) {
+                    gram(i, j) += halves.col(i).head(rows.second).dot(halves.col(j).head(rows.second));
+                }
+            }
+        }
         return gram.topLeftCorner(count, count)
             .template selfadjointView<Eigen::Upper>()
             .toDenseMatrix()
