@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: The Lineament authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The speed of the single precision fit as a ratio to the benchmarks' calibration kernel, measured in turn in one
-// process. Least processor times of many rounds, so that a busy machine does not matter; no absolute time is asserted.
+// The speed of the single precision fit and of the joint fit on kernels as a ratio to the benchmarks' calibration
+// kernel, measured in turn in one process. Least processor times of many rounds, so that a busy machine does not
+// matter; no absolute time is asserted.
 #include "calibration_kernel.hpp"
 #include "measures.hpp"
 
+#include "lineament/fit/joint_fitter.hpp"
 #include "lineament/fit/realtime_fitter.hpp"
 #include "lineament/kernels/dispatched_kernels.hpp"
 
@@ -34,6 +36,8 @@ using test::face_model;
 // more.
 constexpr double max_fit_ratio = 1.4;
 constexpr double max_step_ratio = 0.25;
+constexpr double max_joint_fit_ratio = 3.0;
+constexpr double max_joint_step_ratio = 0.8;
 
 const Eigen::Vector2d centre(320, 240);
 float sink = 0; ///< Takes every answer, so that none is left out.
@@ -140,6 +144,48 @@ double ratio_of_warm_step(const kernels::Kernels& kernels)
     return ratio;
 }
 
+JointFitter make_joint_fitter(const kernels::Kernels* kernels, bool is_one_step)
+{
+    JointOptions options;
+    options.contour = ContourMode::front_facing;
+    options.expression_set = "ekman6";
+    if (is_one_step) {
+        options.rounds = 1;
+        options.max_iterations = 1;
+        options.with_covariance = false;
+    }
+    return JointFitter(face_model(), "ibug68", options, kernels);
+}
+
+/// With covariance.
+double ratio_of_joint_fit(const kernels::Kernels* kernels)
+{
+    const JointFitter fitter = make_joint_fitter(kernels, false);
+    JointWorkspace workspace = fitter.make_workspace();
+    JointFitResult result;
+    const std::vector<LandmarkSet> faces = plant_faces(12);
+    return ratio_to_calibration(static_cast<int>(faces.size()), [&] {
+        for (const LandmarkSet& face : faces) {
+            fitter.fit(face, centre, workspace, result);
+            sink += static_cast<float>(result.fit.rms_px);
+        }
+    });
+}
+
+double ratio_of_joint_step(const kernels::Kernels* kernels)
+{
+    const JointFitter fitter = make_joint_fitter(kernels, true);
+    JointWorkspace workspace = fitter.make_workspace();
+    const std::vector<LandmarkSet> frames = plant_video(64);
+    JointFitResult result = fitter.fit(frames[0], centre);
+    return ratio_to_calibration(static_cast<int>(frames.size()), [&] {
+        for (const LandmarkSet& frame : frames) {
+            fitter.fit(frame, centre, workspace, result, &result.fit);
+        }
+        sink += static_cast<float>(result.fit.rms_px);
+    });
+}
+
 TEST(RealtimeSpeed, FiveIterationsAndTheMeshTakeLittleMoreThanTheCalibrationKernel)
 {
     SKIP_UNLESS_TIMES_MEAN_SOMETHING();
@@ -177,6 +223,25 @@ TEST(RealtimeSpeed, DoublePrecisionIsNotWithinTheBounds) // so they would notice
                                        sink += static_cast<float>(result.rms_px);
                                    }),
               max_step_ratio);
+}
+
+TEST(JointSpeed, AFitTakesFewTimesTheCalibrationKernel)
+{
+    SKIP_UNLESS_TIMES_MEAN_SOMETHING();
+    EXPECT_LE(ratio_of_joint_fit(&kernels::dispatched_kernels()), max_joint_fit_ratio);
+}
+
+TEST(JointSpeed, AStepFromTheLastFrameTakesAFractionOfTheCalibrationKernel)
+{
+    SKIP_UNLESS_TIMES_MEAN_SOMETHING();
+    EXPECT_LE(ratio_of_joint_step(&kernels::dispatched_kernels()), max_joint_step_ratio);
+}
+
+TEST(JointSpeed, WithoutKernelsItIsNotWithinTheBounds)
+{
+    SKIP_UNLESS_TIMES_MEAN_SOMETHING();
+    EXPECT_GT(ratio_of_joint_fit(nullptr), max_joint_fit_ratio);
+    EXPECT_GT(ratio_of_joint_step(nullptr), max_joint_step_ratio);
 }
 
 } // namespace

@@ -27,6 +27,7 @@ set(headers
 set(definitions
     affine_camera_impl.hpp
     arrow_factor_impl.hpp
+    arrow_inverse_impl.hpp
     bounded_least_squares_impl.hpp
     contour_impl.hpp
     contour_support_impl.hpp

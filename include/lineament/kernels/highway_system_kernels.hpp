@@ -31,8 +31,8 @@ HWY_INLINE void make_gram(const T* rows, int num_rows, int begin, int end, int w
     constexpr int step = full_lanes<T>;
     for (int i = begin; i < end; i += 4) {
         T* target = gram + i * width;
-        add_products_from<Sign::plus>(i / step * step, rows, rows + i, num_rows, width, width,
-                                      adds ? target : nullptr, target);
+        add_products_from<Sign::plus>(i / step * step, rows, rows + i, num_rows, width, width, adds ? target : nullptr,
+                                      target);
     }
 }
 
