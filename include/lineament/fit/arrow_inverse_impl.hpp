@@ -23,8 +23,8 @@ class ArrowInverse
 public:
     /// @param free        Unknowns that the inverse is of, ascending in [shared | own of each image]; the others are
     ///                    held.
-    /// @param deviations  Becomes the roots of C_kk, and of a held k those of [C_kk], C with k too. NaN where H is not
-    ///                    positive definite to the rounding of its single precision.
+    /// @param deviations  Becomes the root of C_kk for each unknown k, of a held one as if it were free too. NaN
+    ///                    where H is not positive definite to the rounding of its single precision.
     void find(const kernels::Kernels& kernels, const ArrowMatrix& matrix, const std::vector<int>& free,
               Eigen::VectorXd& deviations)
     {
@@ -270,11 +270,10 @@ private:
         gram.setZero();
         kernels_->add_gram_double(y.data(), num_beside_, 0, width, width, gram.data());
         gram.diagonal().head(n).array() += 1;
-        const auto inverse = image.root.transpose().triangularView<Eigen::Upper>(); // U_f^-1
-        image.covariance = gram.topLeftCorner(n, n).selfadjointView<Eigen::Upper>() * image.root;
-        image.covariance = inverse * image.covariance;
-        image.with_shared.noalias() = -y.bottomLeftCorner(shared_.num_free(), n).transpose() * shared_root();
-        image.with_shared = inverse * image.with_shared;
+        const Eigen::MatrixXd squares = gram.topLeftCorner(n, n).selfadjointView<Eigen::Upper>();
+        image.covariance.noalias() = image.root.transpose() * (squares * image.root).eval();
+        image.with_shared.noalias() =
+            -image.root.transpose() * (y.bottomLeftCorner(shared_.num_free(), n).transpose() * shared_root()).eval();
         for (int i = 0; i < n; ++i) {
             deviations[image.first + image.own.free[static_cast<std::size_t>(i)]] = std::sqrt(image.covariance(i, i));
         }
