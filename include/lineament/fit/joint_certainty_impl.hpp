@@ -26,13 +26,13 @@ class JointCertainty
 {
 public:
     /// With H = U^T U that of the free unknowns F, C = H^-1, and 1 / (H_kk - |U^-T H_Fk|^2) is the variance of an
-    /// unknown k that is held. Of an arrow, where that takes less, image by image.
+    /// unknown k that is held. Of an arrow alone, where that takes less, image by image.
     /// @param system  With the matrix of all unknowns.
     /// @param factor  Its memory may hold the answer.
     void find(const JointProblem& problem, const JointState& state, JointSystem& system, PositiveFactor& factor)
     {
         problem.find_free_unknowns(state, system, free_);
-        is_arrow_ = problem.is_arrow() && system.arrow.is_sparse();
+        is_arrow_ = problem.is_arrow() && !system.has_hessian && system.arrow.is_sparse();
         if (is_arrow_) {
             arrow_.find(*problem.kernels, system.arrow, free_, deviations_);
             return;

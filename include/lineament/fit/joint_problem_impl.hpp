@@ -371,7 +371,7 @@ LINEAMENT_FIT_INLINE void JointProblem::linearize_free(const JointState& state, 
     } else if (kernels != nullptr) {
         set_upper(state, system);
     } else {
-        set_hessian(state, system, kernels != nullptr);
+        set_hessian(state, system, false);
     }
 }
 
