@@ -50,6 +50,7 @@ set(definitions
     joint_image_impl.hpp
     joint_problem_impl.hpp
     joint_result_impl.hpp
+    joint_scale_impl.hpp
     joint_solver_impl.hpp
     joint_start_impl.hpp
     landmark_use_impl.hpp

@@ -44,17 +44,11 @@ inline void set_lower(const UpperTriangle& upper, RoomyMatrix<Eigen::MatrixXd>& 
 
 /// J^T W J of some unknowns of one image, by their positions in [shared | own].
 LINEAMENT_FIT_INLINE void JointProblem::set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns,
-                                                 JointSystem& system, RoomyMatrix<Eigen::MatrixXd>& gram,
-                                                 bool is_by_kernels) const
+                                                 const JointSystem& system, RoomyMatrix<Eigen::MatrixXd>& gram) const
 {
     const PointTerms& terms = system.terms[image];
     const Eigen::Index num_points = terms.residuals.rows();
     const Eigen::Index size = static_cast<Eigen::Index>(unknowns.size());
-    if (is_by_kernels) {
-        set_upper_gram(image, own_scale, unknowns, system, system.upper);
-        set_lower(system.upper, gram);
-        return;
-    }
     gram.resize(size, size);
     Eigen::MatrixXd rows(size, 2 * num_points);
     Eigen::MatrixX2d of_point;
@@ -223,13 +217,14 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
                system.unknowns.begin();
     };
     const Eigen::Index shared = is_before(num_shared());
-    if (images.size() == 1 && state.bias.size() == 0) {
-        set_gram(0, own_scale(0, state), system.unknowns, system, system.hessian, is_by_kernels);
+    if (is_by_kernels) { // of a single image without biases
+        set_upper_gram(0, own_scale(0, state), system.unknowns, system, system.upper);
+        set_lower(system.upper, system.hessian);
     } else {
         system.hessian.setZero(size, size);
         RoomyMatrix<Eigen::MatrixXd> gram;
         for (std::size_t f = 0; f < images.size(); ++f) {
-            set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram, is_by_kernels);
+            set_gram(f, own_scale(f, state), unknowns_of_image(f, system.unknowns), system, gram);
             const Eigen::Index begin = is_before(own_begin(f)), own = gram.rows() - shared;
             system.hessian.topLeftCorner(shared, shared) += gram.topLeftCorner(shared, shared);
             system.hessian.block(begin, 0, own, shared) = gram.bottomLeftCorner(own, shared);
@@ -251,51 +246,6 @@ LINEAMENT_FIT_INLINE void JointProblem::set_hessian(const JointState& state, Joi
     if (state.bias.size() > 0) {
         eliminate_bias_hessian(system);
     }
-}
-
-LINEAMENT_FIT_INLINE std::vector<double>
-JointProblem::scale_strengths(const JointState& state, const std::vector<int>& linear, const Eigen::MatrixXd& columns,
-                              const Eigen::MatrixXd& hidden, JointSystem& system) const
-{
-    const bool has_biases = state.bias.size() > 0;
-    const Eigen::Index num_alpha = columns.cols();
-    if (num_alpha == 0) {
-        return std::vector<double>(images.size(), 0.0); // of no coefficients none is determined
-    }
-    const Eigen::MatrixXd spread = has_biases ? bias_spread(linear, columns, hidden, system) : Eigen::MatrixXd();
-    Eigen::Matrix3Xd covariances = // of where alpha and a bias move its point, where they are known
-        Eigen::Matrix3Xd::Constant(3, spread.cols(), std::numeric_limits<double>::quiet_NaN());
-    Eigen::Index own_begin = num_alpha;
-    RoomyMatrix<Eigen::MatrixXd> gram;
-    std::vector<double> strengths;
-    for (std::size_t f = 0; f < images.size(); ++f) {
-        const std::vector<int> of_image = unknowns_of_image(f, linear);
-        set_gram(f, own_scale(f, state), of_image, system, gram, kernels != nullptr);
-        double strength = 0;
-        for (Eigen::Index j = 0; j < num_alpha; ++j) { // of symmetric matrices: below the diagonal all counts twice
-            const Eigen::Index below = num_alpha - 1 - j;
-            strength += gram(j, j) * columns(j, j) +
-                        2 * gram.col(j).segment(j + 1, below).dot(columns.col(j).segment(j + 1, below));
-        }
-        const Eigen::Index num_own = gram.rows() - num_alpha;
-        strength +=
-            gram.bottomLeftCorner(num_own, num_alpha).cwiseProduct(columns.middleRows(own_begin, num_own)).sum();
-        own_begin += num_own;
-        for (std::size_t i = 0; has_biases && i < images[f].used.size(); ++i) {
-            if (const int b = images[f].used[i].bias_index; b >= 0) {
-                const Eigen::Index point = static_cast<Eigen::Index>(i);
-                auto covariance = covariances.middleCols<3>(3 * b);
-                if (std::isnan(covariance(0, 0))) { // the same in all images
-                    covariance = images[f].points.identity.of_point(point).cast<double>().transpose().lazyProduct(
-                        spread.middleCols<3>(3 * b));
-                }
-                const Eigen::Matrix<double, 2, 3> by_point = system.terms[f].by_point(point);
-                strength += own_scale(f, state) * (by_point.transpose() * by_point).cwiseProduct(covariance).sum();
-            }
-        }
-        strengths.push_back(strength);
-    }
-    return strengths;
 }
 
 } // namespace lineament::detail

@@ -111,7 +111,8 @@ struct JointSystem
     Eigen::MatrixXd bias_points = {}; ///< 3 x 3L, J^T W J of the biases' model points.
 
     // Kept for their room:
-    std::vector<PointTerms> terms = {}; ///< Of each image.
+    std::vector<PointTerms> terms = {};                ///< Of each image.
+    RoomyMatrix<Eigen::Matrix3Xd> pulls_as_first = {}; ///< Of points that the first image has too.
     std::vector<int> free = {};
     UpperTriangle with_held = {};
     AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {}, shape_gram = {};
@@ -257,7 +258,14 @@ private:
         }
         return is_camera(unknown) ? 0.0 : inverse_square(options_->expression_sigma);
     }
-    void place_image(std::size_t image, const JointState& state, PlacedPoints& placed) const;
+    /// Leading points of an image that the first one has too; of the first itself none.
+    [[nodiscard]] Eigen::Index num_as_first(std::size_t image) const
+    {
+        const std::vector<int>& tied = images[image].map_indices;
+        return image > 0 && tied == images.front().map_indices ? static_cast<Eigen::Index>(tied.size()) : 0;
+    }
+    /// @param first  The points of the first image, placed already where the image is another.
+    void place_image(std::size_t image, const JointState& state, const PlacedPoints& first, PlacedPoints& placed) const;
     [[nodiscard]] double own_scale(std::size_t image, const JointState& state) const
     {
         return images[image].matched_scale / state.cameras[image].scale_px_per_mm;
@@ -277,14 +285,33 @@ private:
                                 in_own / own * kernels::round_up(own, kernels::width_step) + in_own % own;
     }
     [[nodiscard]] int coupling_width() const { return coupling_column(num_unknowns()); }
+    [[nodiscard]] std::vector<double> scale_strengths_of_grams(const JointState& state, const std::vector<int>& linear,
+                                                               const Eigen::MatrixXd& columns,
+                                                               const Eigen::MatrixXd& spread,
+                                                               JointSystem& system) const;
+    [[nodiscard]] std::vector<double> scale_strengths_of_arrow(const JointState& state, const std::vector<int>& linear,
+                                                               const Eigen::MatrixXd& columns,
+                                                               const Eigen::MatrixXd& spread,
+                                                               JointSystem& system) const;
+    /// The covariance of where alpha moves the points that have a bias, with that and with the bias; not a number where
+    /// there is no point.
+    struct SpreadOfPoints
+    {
+        Eigen::Matrix3Xd by_alpha = {}; ///< 3 x 3L.
+        Eigen::Matrix3Xd by_bias = {};  ///< 3 x 3L.
+    };
+    [[nodiscard]] SpreadOfPoints spread_of_points(const float* of_alpha, const Eigen::MatrixXd& spread,
+                                                  JointSystem& system) const;
+    [[nodiscard]] double product_with_gram(const JointImage& image, const PointTerms& terms, Eigen::Index begin,
+                                           const float* factors, JointSystem& system) const;
     [[nodiscard]] Eigen::MatrixXd bias_spread(const std::vector<int>& linear, const Eigen::MatrixXd& columns,
                                               const Eigen::MatrixXd& hidden, JointSystem& system) const;
     [[nodiscard]] Eigen::Matrix3Xd bias_pulls(const JointSystem& system, const Eigen::VectorXd& step) const;
     void eliminate_bias_gradient(JointSystem& system) const;
     void set_hessian(const JointState& state, JointSystem& system, bool is_by_kernels) const;
     void eliminate_bias_hessian(JointSystem& system) const;
-    void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, JointSystem& system,
-                  RoomyMatrix<Eigen::MatrixXd>& gram, bool is_by_kernels) const;
+    void set_gram(std::size_t image, double own_scale, const std::vector<int>& unknowns, const JointSystem& system,
+                  RoomyMatrix<Eigen::MatrixXd>& gram) const;
     void set_upper_gram(std::size_t image, double own_scale, std::span<const int> unknowns, JointSystem& system,
                         UpperTriangle& gram) const;
     float* set_rows(std::size_t image, double own_scale, std::span<const int> others, int alpha_begin, int others_begin,

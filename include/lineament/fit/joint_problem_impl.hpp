@@ -8,6 +8,7 @@
 #include "lineament/fit/joint_arrow_impl.hpp"
 #include "lineament/fit/joint_bias_impl.hpp"
 #include "lineament/fit/joint_hessian_impl.hpp"
+#include "lineament/fit/joint_scale_impl.hpp"
 #include "lineament/fit/pose_step_impl.hpp"
 
 #include <Eigen/Cholesky>
@@ -38,10 +39,15 @@ LINEAMENT_FIT_INLINE Eigen::MatrixXd JointProblem::prior_of(const std::vector<in
 /// Expression and bias count at the scale s_0: how large they are in the image must not tell how large the image of the
 /// head is.
 LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const JointState& state,
-                                                    PlacedPoints& placed) const
+                                                    const PlacedPoints& first, PlacedPoints& placed) const
 {
     const JointImage& seen = images[image];
     const PackedPoints& points = seen.points;
+    if (const Eigen::Index count = num_as_first(image); count > placed.num_shaped) {
+        placed.shape.resize(3, points.mean.cols());
+        placed.shape.leftCols(count) = first.shape.leftCols(count);
+        placed.num_shaped = count;
+    }
     points.expression.multiply(kernels, points.num_points, state.psi[image], placed.padded, placed.offsets);
     if (state.bias.size() > 0) {
         for (std::size_t i = 0; i < seen.used.size(); ++i) {
@@ -92,7 +98,7 @@ LINEAMENT_FIT_INLINE void JointProblem::place(const JointState& state, std::vect
 {
     placed.resize(images.size());
     for (std::size_t f = 0; f < images.size(); ++f) {
-        place_image(f, state, placed[f]);
+        place_image(f, state, placed.front(), placed[f]);
     }
 }
 
@@ -182,7 +188,7 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
     terms.derivatives.rightCols<2>() *= camera.scale_px_per_mm / reference_scale; // by the shared phi
 }
 
-/// J^T W r of one image.
+/// J^T W r of one image; that of alpha, of points that the first one has too, is left to that.
 LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const JointState& state,
                                                      JointSystem& system) const
 {
@@ -211,17 +217,23 @@ LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const Jo
             system.bias_gradient.col(b) += own_scale(image, state) * factors.col(i);
         }
     }
-    const auto add_scaled_rows = [&](const PackedRows& packed, double scale, auto gradient) {
+    const auto add_scaled_rows = [&](const PackedRows& packed, Eigen::Index begin, double scale, auto gradient) {
         double* sums = room_for(system.sums, packed.width());
         std::fill_n(sums, packed.width(), 0.0);
-        kernels->add_wide(packed.data(), static_cast<int>(3 * num_points), packed.width(), factors.data(), sums);
+        kernels->add_wide(packed.data() + 3 * begin * packed.width(), static_cast<int>(3 * (num_points - begin)),
+                          packed.width(), factors.data() + 3 * begin, sums);
         gradient += scale * Eigen::Map<const Eigen::VectorXd>(sums, gradient.size());
     };
     auto by_alpha = system.gradient.head(num_shape());
     auto by_psi = system.gradient.segment(own_begin(image), num_expressions_);
     if (kernels != nullptr) {
-        add_scaled_rows(seen.points.identity, 1.0, by_alpha);
-        add_scaled_rows(seen.points.expression, own_scale(image, state), by_psi);
+        add_scaled_rows(seen.points.expression, 0, own_scale(image, state), by_psi);
+        const Eigen::Index num_same = num_as_first(image);
+        system.pulls_as_first.leftCols(num_same) += factors.leftCols(num_same);
+        if (image == 0 && images.size() > 1) {
+            factors.leftCols(system.pulls_as_first.cols()) += system.pulls_as_first;
+        }
+        add_scaled_rows(seen.points.identity, num_same, 1.0, by_alpha);
     } else {
         const Eigen::Map<const Eigen::VectorXd> stacked(factors.data(), factors.size());
         by_alpha.noalias() += seen.points.identity.leading(num_points).cast<double>() * stacked;
@@ -237,7 +249,10 @@ LINEAMENT_FIT_INLINE void JointProblem::set_gradient(const JointState& state, co
     system.gradient.setZero(num_unknowns());
     system.bias_gradient.setZero(3, state.bias.cols());
     system.terms.resize(images.size());
-    for (std::size_t f = 0; f < images.size(); ++f) {
+    if (images.size() > 1) {
+        system.pulls_as_first.setZero(3, static_cast<Eigen::Index>(images.front().map_indices.size()));
+    }
+    for (std::size_t f = images.size(); f-- > 0;) { // the first one last
         set_terms(f, state, placed[f], system.terms[f]);
         add_gradient(f, state, system);
         system.gradient[camera_begin(f) + 3] += images[f].scale_strength;
