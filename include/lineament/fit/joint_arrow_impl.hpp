@@ -7,6 +7,7 @@
 #include "lineament/fit/joint_problem.hpp"
 
 #include "lineament/fit/inline.hpp"
+#include "lineament/fit/joint_bias_impl.hpp"
 
 #include <Eigen/Cholesky>
 
@@ -219,23 +220,8 @@ LINEAMENT_FIT_INLINE void JointProblem::add_shape_gram_of_biases(JointSystem& sy
     const int width = kernels::round_up(static_cast<int>(num_shape()), kernels::width_step);
     float* rows = room_for(system.rows, system.num_coupling_rows * width);
     std::fill_n(rows, system.num_coupling_rows * width, 0.0f);
-    std::vector<bool> is_done(system.rows_of_biases.size(), false);
-    for (const JointImage& image : images) {
-        const std::size_t num_points = image.used.size();
-        double* roots = room_for(system.factors, 9 * static_cast<Eigen::Index>(num_points));
-        system.targets.assign(num_points, -1);
-        for (std::size_t i = 0; i < num_points; ++i) {
-            const int b = image.used[i].bias_index;
-            if (b >= 0 && !is_done[static_cast<std::size_t>(b)]) {
-                is_done[static_cast<std::size_t>(b)] = true;
-                system.targets[i] = system.rows_of_biases[static_cast<std::size_t>(b)];
-                Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(roots + 9 * i) =
-                    root_of(system.bias_points.middleCols<3>(3 * b));
-            }
-        }
-        kernels->add_turned_points(image.points.identity.data(), image.points.identity.width(),
-                                   static_cast<int>(num_points), roots, system.targets.data(), rows, width);
-    }
+    add_turned_points_of_biases([&](int b) { return root_of(system.bias_points.middleCols<3>(3 * b)); }, rows, width,
+                                system);
     kernels->add_gram(rows, system.num_coupling_rows, 0, static_cast<int>(num_shape()), width, gram);
 }
 

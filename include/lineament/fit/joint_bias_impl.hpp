@@ -27,92 +27,139 @@ LINEAMENT_FIT_INLINE void JointProblem::set_couplings(const JointState& state, J
     system.bias_blocks.setZero(3, 3 * num_biases);
     system.bias_inverse.resize(3, 3 * num_biases);
     system.bias_points.setZero(3, 3 * num_biases);
+    system.bias_with_points.setZero(3, 3 * num_biases);
     for (Eigen::Index b = 0; b < num_biases; ++b) {
         system.bias_blocks.middleCols<3>(3 * b).diagonal() = bias_variances_mm.col(b).cwiseInverse();
     }
-    std::vector<int>& rows_of_biases = system.rows_of_biases;
-    rows_of_biases.assign(static_cast<std::size_t>(num_biases), -1);
+    set_rows_of_biases(num_biases, system);
+    if (kernels != nullptr) {
+        std::fill_n(room_for(system.coupling_rows, system.num_coupling_rows * coupling_width()),
+                    system.num_coupling_rows * coupling_width(), 0.0f);
+    } else {
+        system.bias_coupling.setZero(num_unknowns(), 3 * num_biases);
+    }
     for (std::size_t f = 0; f < images.size(); ++f) {
-        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
-            if (const int b = images[f].used[i].bias_index; b >= 0) {
-                const double scale = own_scale(f, state);
+        const double scale = own_scale(f, state);
+        const std::vector<JointPoint>& used = images[f].used;
+        double* squares = room_for(system.factors, 9 * static_cast<Eigen::Index>(used.size()));
+        for (std::size_t i = 0; i < used.size(); ++i, squares += 9) {
+            if (const int b = used[i].bias_index; b >= 0) {
                 const Eigen::Matrix<double, 2, 3> by_point = system.terms[f].by_point(static_cast<Eigen::Index>(i));
-                const Eigen::Matrix3d squares = by_point.transpose() * by_point;
-                system.bias_points.middleCols<3>(3 * b) += squares;
-                system.bias_blocks.middleCols<3>(3 * b) += scale * scale * squares;
-                rows_of_biases[static_cast<std::size_t>(b)] = 0;
+                const Eigen::Matrix3d square = by_point.transpose() * by_point;
+                const Eigen::Matrix3d with_bias = scale * square, of_bias = scale * with_bias;
+                system.bias_points.middleCols<3>(3 * b) += square;
+                system.bias_with_points.middleCols<3>(3 * b) += with_bias;
+                system.bias_blocks.middleCols<3>(3 * b) += of_bias;
+                Eigen::Map<Eigen::Matrix3d>(squares, 3, 3) = of_bias;
+            }
+        }
+        if (kernels != nullptr) {
+            add_coupling_rows_of_image(f, scale, system);
+        } else {
+            add_coupling_of_image(f, scale, system);
+        }
+    }
+    for (Eigen::Index b = 0; b < num_biases; ++b) {
+        system.bias_inverse.middleCols<3>(3 * b) = Eigen::Matrix3d(system.bias_blocks.middleCols<3>(3 * b)).inverse();
+    }
+    if (kernels != nullptr) {
+        const int width = coupling_width();
+        add_turned_points_of_biases(
+            [&](int b) { return Eigen::Matrix3d(system.bias_with_points.middleCols<3>(3 * b)); },
+            system.coupling_rows.data(), width, system);
+    }
+}
+
+/// Numbers the biases that have points.
+LINEAMENT_FIT_INLINE void JointProblem::set_rows_of_biases(Eigen::Index num_biases, JointSystem& system) const
+{
+    system.rows_of_biases.assign(static_cast<std::size_t>(num_biases), -1);
+    for (const JointImage& image : images) {
+        for (const JointPoint& point : image.used) {
+            if (point.bias_index >= 0) {
+                system.rows_of_biases[static_cast<std::size_t>(point.bias_index)] = 0;
             }
         }
     }
     int num_rows = 0;
-    for (Eigen::Index b = 0; b < num_biases; ++b) {
-        system.bias_inverse.middleCols<3>(3 * b) = Eigen::Matrix3d(system.bias_blocks.middleCols<3>(3 * b)).inverse();
-        if (int& row = rows_of_biases[static_cast<std::size_t>(b)]; row >= 0) {
-            row = num_rows++;
-        }
+    for (int& row : system.rows_of_biases) {
+        row = row == 0 ? num_rows++ : -1;
     }
-    if (kernels != nullptr) {
-        set_coupling_rows(state, 3 * num_rows, system);
-        return;
-    }
-    system.bias_coupling.setZero(num_unknowns(), 3 * num_biases);
+    system.num_coupling_rows = 3 * num_rows;
+}
+
+LINEAMENT_FIT_INLINE void JointProblem::add_coupling_of_image(std::size_t image, double own_scale,
+                                                              JointSystem& system) const
+{
     Eigen::MatrixX2d rows;
-    for (std::size_t f = 0; f < images.size(); ++f) {
-        for (std::size_t i = 0; i < images[f].used.size(); ++i) {
-            if (const int b = images[f].used[i].bias_index; b >= 0) {
-                const Eigen::Index point = static_cast<Eigen::Index>(i);
-                const Eigen::Matrix<double, 2, 3> by_bias = own_scale(f, state) * system.terms[f].by_point(point);
-                set_rows_of_point(f, point, system.terms[f], own_scale(f, state), rows);
-                auto coupling = system.bias_coupling.middleCols<3>(3 * b);
-                coupling.topRows(num_shared()).noalias() += rows.topRows(num_shared()) * by_bias;
-                coupling.middleRows(own_begin(f), num_own()).noalias() += rows.bottomRows(num_own()) * by_bias;
-            }
+    for (std::size_t i = 0; i < images[image].used.size(); ++i) {
+        if (const int b = images[image].used[i].bias_index; b >= 0) {
+            const Eigen::Index point = static_cast<Eigen::Index>(i);
+            const Eigen::Matrix<double, 2, 3> by_bias = own_scale * system.terms[image].by_point(point);
+            set_rows_of_point(image, point, system.terms[image], own_scale, rows);
+            auto coupling = system.bias_coupling.middleCols<3>(3 * b);
+            coupling.topRows(num_shared()).noalias() += rows.topRows(num_shared()) * by_bias;
+            coupling.middleRows(own_begin(image), num_own()).noalias() += rows.bottomRows(num_own()) * by_bias;
         }
     }
 }
 
-/// The same in single precision, the other way round: three rows for each bias that has points.
-LINEAMENT_FIT_INLINE void JointProblem::set_coupling_rows(const JointState& state, int num_rows,
-                                                          JointSystem& system) const
+/// The same in single precision, the other way round, three rows for each bias that has points, and but for alpha.
+/// `system.factors` holds J^T W J of the image's biases, point by point.
+LINEAMENT_FIT_INLINE void JointProblem::add_coupling_rows_of_image(std::size_t image, double own_scale,
+                                                                   JointSystem& system) const
 {
     const int width = coupling_width();
-    system.num_coupling_rows = num_rows;
-    float* coupling = room_for(system.coupling_rows, static_cast<Eigen::Index>(num_rows) * width);
-    std::fill_n(coupling, num_rows * width, 0.0f);
-    for (std::size_t f = 0; f < images.size(); ++f) {
-        const PackedPoints& points = images[f].points;
-        const PointTerms& terms = system.terms[f];
-        const int num_points = static_cast<int>(images[f].used.size());
-        const double scale = own_scale(f, state);
-        double* matrices = room_for(system.factors, 9 * num_points);
-        std::fill_n(matrices, 9 * num_points, 0.0);
-        std::vector<int>& targets = system.targets;
-        targets.assign(images[f].used.size(), -1);
-        float* own = coupling + coupling_column(own_begin(f));
-        for (int i = 0; i < num_points; ++i) {
-            if (const int b = images[f].used[static_cast<std::size_t>(i)].bias_index; b >= 0) {
-                const int target = system.rows_of_biases[static_cast<std::size_t>(b)];
-                targets[static_cast<std::size_t>(i)] = target;
-                const Eigen::Matrix<double, 2, 3> by_point = terms.by_point(i);
-                Eigen::Map<Eigen::Matrix3d>(matrices + 9 * i).noalias() = scale * by_point.transpose() * by_point;
-                const Eigen::Matrix<double, 3, 6> by_camera = scale * by_point.transpose() * terms.by_camera(i);
-                const Eigen::Vector3d by_phi = scale * by_point.transpose() * terms.by_phi(i);
-                for (int axis = 0; axis < 3; ++axis) {
-                    const int row = (3 * target + axis) * width;
-                    for (int c = 0; c < 6; ++c) {
-                        own[row + num_expressions_ + c] += static_cast<float>(by_camera(axis, c));
-                    }
-                    if (has_phi()) {
-                        coupling[row + num_shape()] += static_cast<float>(by_phi[axis]);
-                    }
+    const PackedRows& expression = images[image].points.expression;
+    const PointTerms& terms = system.terms[image];
+    const int num_points = static_cast<int>(images[image].used.size());
+    std::vector<int>& targets = system.targets;
+    targets.assign(images[image].used.size(), -1);
+    float* own = system.coupling_rows.data() + coupling_column(own_begin(image));
+    for (int i = 0; i < num_points; ++i) {
+        if (const int b = images[image].used[static_cast<std::size_t>(i)].bias_index; b >= 0) {
+            const int target = system.rows_of_biases[static_cast<std::size_t>(b)];
+            targets[static_cast<std::size_t>(i)] = target;
+            const Eigen::Matrix<double, 3, 2> by_bias = own_scale * terms.by_point(i).transpose();
+            const Eigen::Matrix<double, 3, 6> by_camera = by_bias * terms.by_camera(i);
+            const Eigen::Vector3d by_phi = by_bias * terms.by_phi(i);
+            for (int axis = 0; axis < 3; ++axis) {
+                const int row = (3 * target + axis) * width;
+                for (int c = 0; c < 6; ++c) {
+                    own[row + num_expressions_ + c] += static_cast<float>(by_camera(axis, c));
+                }
+                if (has_phi()) {
+                    system.coupling_rows.data()[row + num_shape()] += static_cast<float>(by_phi[axis]);
                 }
             }
         }
-        kernels->add_turned_points(points.identity.data(), points.identity.width(), num_points, matrices,
-                                   targets.data(), coupling, width);
-        Eigen::Map<Eigen::ArrayXd>(matrices, 9 * num_points) *= scale;
-        kernels->add_turned_points(points.expression.data(), points.expression.width(), num_points, matrices,
-                                   targets.data(), own, width);
+    }
+    kernels->add_turned_points(expression.data(), expression.width(), num_points, system.factors.data(), targets.data(),
+                               own, width);
+}
+
+/// Rows of alpha of the points that have a bias, turned by a matrix each, the same in all images.
+template <typename MatrixOf>
+void JointProblem::add_turned_points_of_biases(MatrixOf matrix_of, float* rows, int width, JointSystem& system) const
+{
+    std::vector<bool> is_done(system.rows_of_biases.size(), false);
+    for (const JointImage& image : images) {
+        const std::size_t num_points = image.used.size();
+        double* matrices = room_for(system.factors, 9 * static_cast<Eigen::Index>(num_points));
+        system.targets.assign(num_points, -1);
+        bool has_any = false;
+        for (std::size_t i = 0; i < num_points; ++i) {
+            const int b = image.used[i].bias_index;
+            if (b >= 0 && !is_done[static_cast<std::size_t>(b)]) {
+                is_done[static_cast<std::size_t>(b)] = has_any = true;
+                system.targets[i] = system.rows_of_biases[static_cast<std::size_t>(b)];
+                Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(matrices + 9 * i, 3, 3) = matrix_of(b);
+            }
+        }
+        if (has_any) {
+            kernels->add_turned_points(image.points.identity.data(), image.points.identity.width(),
+                                       static_cast<int>(num_points), matrices, system.targets.data(), rows, width);
+        }
     }
 }
 

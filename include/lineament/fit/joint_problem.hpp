@@ -108,7 +108,8 @@ struct JointSystem
     AlignedBuffer<float> coupling_rows = {}; ///< Three for each bias that has points, all of its columns.
     std::vector<int> rows_of_biases = {};    ///< L, where among these its three are, in threes, or -1.
     int num_coupling_rows = 0;
-    Eigen::MatrixXd bias_points = {}; ///< 3 x 3L, J^T W J of the biases' model points.
+    Eigen::MatrixXd bias_points = {};      ///< 3 x 3L, J^T W J of the biases' model points.
+    Eigen::MatrixXd bias_with_points = {}; ///< 3 x 3L, of the biases with these.
 
     // Kept for their room:
     std::vector<PointTerms> terms = {};                ///< Of each image.
@@ -274,7 +275,11 @@ private:
     void set_gradient(const JointState& state, const std::vector<PlacedPoints>& placed, JointSystem& system) const;
     void add_gradient(std::size_t image, const JointState& state, JointSystem& system) const;
     void set_couplings(const JointState& state, JointSystem& system) const;
-    void set_coupling_rows(const JointState& state, int num_rows, JointSystem& system) const;
+    void set_rows_of_biases(Eigen::Index num_biases, JointSystem& system) const;
+    void add_coupling_of_image(std::size_t image, double own_scale, JointSystem& system) const;
+    void add_coupling_rows_of_image(std::size_t image, double own_scale, JointSystem& system) const;
+    template <typename MatrixOf>
+    void add_turned_points_of_biases(MatrixOf matrix_of, float* rows, int width, JointSystem& system) const;
     /// Of coupling rows: [shared | own of each image], each part filled up.
     [[nodiscard]] int coupling_column(Eigen::Index unknown) const
     {
