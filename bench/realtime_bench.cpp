@@ -304,6 +304,7 @@ void register_reference()
         add("reference/mesh_batch_" + set, [=](benchmark::State& s) { reference_meshes(s, set, batch_size); });
         add("reference/sweep_10_" + set, [=](benchmark::State& s) { reference_sweep(s, set, 10); });
     }
+    bench::register_reference_joint_parts();
     bench::register_reference_kernels();
 }
 

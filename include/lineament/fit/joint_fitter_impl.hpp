@@ -63,25 +63,6 @@ namespace detail {
     return base;
 }
 
-[[nodiscard]] inline JointPoints joint_points(const FaceFitter& base)
-{
-    std::vector<int> candidates;
-    if (base.contour()) {
-        for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
-            const std::vector<int>& of_side = base.contour()->candidates(side);
-            candidates.insert(candidates.end(), of_side.begin(), of_side.end());
-        }
-    }
-    const ModelPoints& landmarks = base.landmark_points();
-    ModelPoints points =
-        ModelPoints::sized(static_cast<Eigen::Index>(candidates.size()), landmarks.num_shape_coefficients(),
-                           landmarks.num_expression_coefficients());
-    for (std::size_t i = 0; i < candidates.size(); ++i) {
-        base.assign_vertex(points, static_cast<Eigen::Index>(i), candidates[i]);
-    }
-    return {PackedPoints(landmarks), PackedPoints(points)};
-}
-
 } // namespace detail
 
 LINEAMENT_FIT_INLINE JointFitter::JointFitter(MorphableModel model, std::string scheme, JointOptions options,

@@ -55,6 +55,9 @@ private:
                                                            const Eigen::Vector2d& landmark, double radius_px,
                                                            double max_distance_px);
 
+/// Packs them.
+[[nodiscard]] JointPoints joint_points(const FaceFitter& base);
+
 /// What the fits of a JointFitter have in common.
 struct JointContext
 {

@@ -107,6 +107,25 @@ LINEAMENT_FIT_INLINE void require_covariance(const Eigen::Matrix2d& covariance, 
             place.c_str(), "a symmetric positive definite matrix", "another");
 }
 
+LINEAMENT_FIT_INLINE JointPoints joint_points(const FaceFitter& base)
+{
+    std::vector<int> candidates;
+    if (base.contour()) {
+        for (const FaceSide side : {FaceSide::left, FaceSide::right}) {
+            const std::vector<int>& of_side = base.contour()->candidates(side);
+            candidates.insert(candidates.end(), of_side.begin(), of_side.end());
+        }
+    }
+    const ModelPoints& landmarks = base.landmark_points();
+    ModelPoints points =
+        ModelPoints::sized(static_cast<Eigen::Index>(candidates.size()), landmarks.num_shape_coefficients(),
+                           landmarks.num_expression_coefficients());
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+        base.assign_vertex(points, static_cast<Eigen::Index>(i), candidates[i]);
+    }
+    return {PackedPoints(landmarks), PackedPoints(points)};
+}
+
 LINEAMENT_FIT_INLINE void JointImageMatcher::begin(const JointContext& context, const LandmarkSet& landmarks,
                                                    std::span<const Eigen::Matrix2d> covariances_px)
 {
