@@ -202,8 +202,17 @@ public:
                 }
                 row += num_rows;
             }
-            kernels_->solve_factored_float(shared_.data(), num_beside, matrix.shared_width, shared_inverses_.data(),
-                                           beside.data());
+            if (count == 1) {
+                float* alone = room_for(sums_, width);
+                std::fill_n(alone, matrix.shared_width, 0.0f);
+                Eigen::Map<Eigen::VectorXf>(alone, num_beside) = beside.col(0);
+                kernels_->solve_for_one_float(shared_.data(), num_beside, 0, matrix.shared_width,
+                                              shared_inverses_.data(), alone);
+                beside.col(0) = Eigen::Map<const Eigen::VectorXf>(alone, num_beside);
+            } else {
+                kernels_->solve_factored_float(shared_.data(), num_beside, matrix.shared_width,
+                                               shared_inverses_.data(), beside.data());
+            }
             more.setZero();
             std::fill_n(x, width, 0.0);
             for (int q = 0; q < count; ++q) {
