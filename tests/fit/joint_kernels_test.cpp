@@ -11,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
 #include <vector>
 
 namespace lineament {
@@ -118,14 +119,17 @@ TEST_P(JointKernelsTest, GiveTheFaceOfPlainDoublePrecisionOfSeveralImages)
     const Eigen::VectorXd alpha = test::random_normal(random, model.shape.num_coefficients());
     std::vector<LandmarkSet> images = images_of(alpha, 5, random);
     images[1].landmarks.resize(40); // biases of the others have no point there
-    for (const bool has_phi : {false, true}) {
+    for (const auto& [has_phi, has_bias] : {std::pair(false, true), {true, true}, {false, false}}) {
         JointOptions given = options();
         if (has_phi) {
             given.phi_sigma_per_mm = 0.002;
         }
+        if (!has_bias) {
+            given.bias_sigma_mm = 0.0;
+        }
         const JointFramesResult expected = JointFitter(model, "ibug68", given).fit_frames(images, {320, 240});
         ASSERT_EQ(expected.status, FitStatus::success) << expected.reason;
-        EXPECT_GT(expected.landmark_bias_mm.norm(), 1);
+        EXPECT_EQ(expected.landmark_bias_mm.norm() > 1, has_bias);
         for (const kernels::Kernels* set : kernels::supported_kernels()) {
             const JointFramesResult result = JointFitter(model, "ibug68", given, set).fit_frames(images, {320, 240});
             ASSERT_EQ(result.status, FitStatus::success) << set->name << ": " << result.reason;
