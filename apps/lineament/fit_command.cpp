@@ -156,10 +156,32 @@ double area_of(const LandmarkSet& set)
     return box.isEmpty() ? 0.0 : box.volume();
 }
 
-std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& picture_path, const ImageU8& picture)
+/// The landmarks of one face in a picture.
+struct SeenFace
+{
+    LandmarkSet landmarks;
+    std::vector<Eigen::Matrix2d> covariances_px = {}; ///< As JointFitter takes them, or none.
+};
+
+/// Warns, or throws Failure(wrong_use), where the noise that a file states is not what the fit goes by.
+void check_use_of_covariances(const Options& options, const fs::path& path)
+{
+    if (options.model.method != "joint") {
+        warn_of_input(path.string() + ": its covariances are left out of --method thesis, to which all landmarks are "
+                                      "alike");
+    } else if (options.model.noise_mm || options.model.outline_noise_mm) {
+        throw Failure(wrong_use, "--noise and --outline-noise: " + path.string() +
+                                     " itself states the covariance of each landmark");
+    } else if (options.finder.outline != "none") {
+        throw Failure(wrong_use, "--outline would add landmarks to those of " + path.string() +
+                                     " that have no covariance, where each must have one");
+    }
+}
+
+std::vector<SeenFace> find_faces(Session& session, const fs::path& picture_path, const ImageU8& picture)
 {
     const Options& options = session.options;
-    std::vector<LandmarkSet> sets;
+    std::vector<SeenFace> faces;
     fs::path landmark_path;
     if (!options.landmarks.empty()) {
         LandmarkFileOptions file_options;
@@ -177,33 +199,38 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
         check_one_time(file, landmark_path);
         for (const LandmarkFrame& frame : file.frames) {
             if (!frame.set.landmarks.empty()) {
-                sets.push_back(frame.set);
+                faces.push_back({frame.set, frame.covariances_px});
             }
         }
-        std::stable_sort(sets.begin(), sets.end(),
-                         [](const LandmarkSet& a, const LandmarkSet& b) { return area_of(a) > area_of(b); });
-        if (sets.empty()) {
+        std::stable_sort(faces.begin(), faces.end(), [](const SeenFace& a, const SeenFace& b) {
+            return area_of(a.landmarks) > area_of(b.landmarks);
+        });
+        if (faces.empty()) {
             throw Failure(no_answer, landmark_path.string() + ": the file holds no face");
         }
     } else {
         for (FoundFace& face : session.finder.find(picture)) {
-            sets.push_back(std::move(face.landmarks));
+            faces.push_back({std::move(face.landmarks)});
         }
-        if (sets.empty()) {
+        if (faces.empty()) {
             throw Failure(no_answer, "no face found in " + picture_path.string() + " (" +
                                          size_text(picture.width, picture.height) +
                                          "); give --landmarks, or a picture with a larger, more frontal face");
         }
     }
     if (options.face > 0) {
-        if (options.face > static_cast<int>(sets.size())) {
+        if (options.face > static_cast<int>(faces.size())) {
             throw Failure(no_answer, picture_path.string() + ": --face " + std::to_string(options.face) +
-                                         ", but only " + std::to_string(sets.size()) +
+                                         ", but only " + std::to_string(faces.size()) +
                                          " found (the largest is number 1)");
         }
-        sets = {sets[static_cast<std::size_t>(options.face - 1)]};
+        faces = {faces[static_cast<std::size_t>(options.face - 1)]};
     }
-    for (LandmarkSet& set : sets) {
+    for (SeenFace& face : faces) {
+        LandmarkSet& set = face.landmarks;
+        if (!face.covariances_px.empty()) {
+            check_use_of_covariances(options, landmark_path);
+        }
         if (!options.landmarks.empty()) {
             check_inside(set, landmark_path, picture_path, picture);
             if (set.scheme == "mediapipe478") {
@@ -214,16 +241,21 @@ std::vector<LandmarkSet> find_landmarks(Session& session, const fs::path& pictur
                                              landmark_path.string() + " are of the scheme " + set.scheme);
             }
         }
+        const std::string scheme = set.scheme;
         set = session.fitters.in_scheme_of_model(std::move(set));
+        if (set.scheme != scheme && !face.covariances_px.empty()) {
+            throw Failure(bad_input, landmark_path.string() + ": covariances of landmarks of " + scheme +
+                                         ", which this model does not have; give those of " + set.scheme);
+        }
     }
-    return sets;
+    return faces;
 }
 
 /// A picture with the faces found in it.
 struct SeenPicture
 {
     ImageU8 picture;
-    std::vector<LandmarkSet> sets;
+    std::vector<SeenFace> faces;
 
     [[nodiscard]] Eigen::Vector2d center() const { return {0.5 * picture.width, 0.5 * picture.height}; }
 };
@@ -249,7 +281,7 @@ SeenPicture look_at(Session& session, const fs::path& path)
     const std::vector<std::byte> bytes = read_file(path);
     seen.picture = parse_image(bytes, path.string(), limits);
     check_extension(path, bytes);
-    seen.sets = find_landmarks(session, path, seen.picture);
+    seen.faces = find_faces(session, path, seen.picture);
     return seen;
 }
 
@@ -337,8 +369,8 @@ void fit_picture(Session& session, const Job& job, Json& json)
 {
     const SeenPicture seen = look_at(session, job.input);
     std::vector<Fitted> fits;
-    for (const LandmarkSet& set : seen.sets) {
-        fits.push_back(session.fitters.fit(set, seen.center()));
+    for (const SeenFace& face : seen.faces) {
+        fits.push_back(session.fitters.fit(face.landmarks, seen.center(), face.covariances_px));
     }
     write_picture(session, job, seen.picture, fits, json);
 }
@@ -395,13 +427,15 @@ std::vector<int> fit_same_person(Session& session, const std::vector<Job>& jobs,
     std::vector<int> codes;
     std::vector<std::size_t> seen_jobs;
     std::vector<LandmarkSet> sets;
+    std::vector<std::vector<Eigen::Matrix2d>> covariances_px;
     std::vector<Eigen::Vector2d> centers;
     ProgressBar bar("look", jobs.size());
     for (std::size_t i = 0; i < jobs.size() && signal_exit_code() == 0; ++i) {
         bar.show(i, jobs[i].input.filename().string());
         try {
             const SeenPicture seen = look_at(session, jobs[i].input);
-            sets.push_back(seen.sets.front());
+            sets.push_back(seen.faces.front().landmarks);
+            covariances_px.push_back(seen.faces.front().covariances_px);
             centers.push_back(seen.center());
             seen_jobs.push_back(i);
         } catch (...) {
@@ -423,7 +457,7 @@ std::vector<int> fit_same_person(Session& session, const std::vector<Job>& jobs,
                                          sets.front().scheme + " and " + set.scheme);
         }
     }
-    const std::vector<Fitted> fits = session.fitters.fit_same_person(sets, centers);
+    const std::vector<Fitted> fits = session.fitters.fit_same_person(sets, centers, covariances_px);
     ImageLimits limits;
     limits.max_megapixels = session.options.max_megapixels;
     for (std::size_t i = 0; i < fits.size() && signal_exit_code() == 0; ++i) {
@@ -490,7 +524,8 @@ void add_fit_command(CLI::App& program, Action& action)
     command->add_option("-o,--output", options->output, "Folder for the results; each input gets a folder in it.")
         ->capture_default_str();
     command->add_option("--landmarks", options->landmarks,
-                        "Landmark file of the picture, or a folder with <stem>.pts, .json or .csv; no detection then.");
+                        "Landmark file of the picture, or a folder with <stem>.pts, .json or .csv; no detection then. "
+                        "Our JSON may state the covariance of each landmark.");
     command->add_option("--pts-origin", options->pts_origin, "Where .pts files put the first pixel.")
         ->check(CLI::IsMember({"one", "zero"}))
         ->capture_default_str();

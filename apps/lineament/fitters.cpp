@@ -294,18 +294,21 @@ LandmarkSet Fitters::in_scheme_of_model(LandmarkSet landmarks) const
                                  " (it has: " + known + ")");
 }
 
-Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px)
+Fitted Fitters::fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                    std::span<const Eigen::Matrix2d> covariances_px)
 {
     if (implementation_->is_joint()) {
+        const JointFitter& fitter = implementation_->joint(landmarks);
         return with_evidence(*implementation_->model,
-                             implementation_->joint(landmarks).fit(landmarks, principal_point_px));
+                             fitter.fit(landmarks, principal_point_px, nullptr, covariances_px));
     }
     return implementation_->with_observability(landmarks,
                                                implementation_->thesis(landmarks).fit(landmarks, principal_point_px));
 }
 
 std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
-                                             const std::vector<Eigen::Vector2d>& principal_points_px)
+                                             const std::vector<Eigen::Vector2d>& principal_points_px,
+                                             std::span<const std::vector<Eigen::Matrix2d>> covariances_px)
 {
     for (std::size_t i = 0; i < pictures.size(); ++i) { // all principal points into one
         move_by(pictures[i], -principal_points_px[i]);
@@ -314,7 +317,7 @@ std::vector<Fitted> Fitters::fit_same_person(std::vector<LandmarkSet> pictures,
     std::vector<Fitted> fitted;
     if (implementation_->is_joint()) {
         const JointFitter& fitter = implementation_->joint(representative(pictures));
-        for (const JointFitResult& frame : fitter.fit_frames(pictures, origin).frames) {
+        for (const JointFitResult& frame : fitter.fit_frames(pictures, origin, {}, covariances_px).frames) {
             fitted.push_back(with_evidence(*implementation_->model, frame));
         }
     } else {

@@ -11,6 +11,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -41,12 +42,16 @@ public:
     /// @throws Failure(bad_input) if the model knows neither.
     [[nodiscard]] LandmarkSet in_scheme_of_model(LandmarkSet landmarks) const;
 
-    [[nodiscard]] Fitted fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px);
+    /// @param covariances_px  As JointFitter::fit takes them; the thesis's method does not.
+    [[nodiscard]] Fitted fit(const LandmarkSet& landmarks, const Eigen::Vector2d& principal_point_px,
+                             std::span<const Eigen::Matrix2d> covariances_px = {});
 
     /// One person in several pictures, one identity; pose and expression of each picture.
     /// @param principal_points_px  One for each picture.
+    /// @param covariances_px       Likewise, each as above.
     [[nodiscard]] std::vector<Fitted> fit_same_person(std::vector<LandmarkSet> pictures,
-                                                      const std::vector<Eigen::Vector2d>& principal_points_px);
+                                                      const std::vector<Eigen::Vector2d>& principal_points_px,
+                                                      std::span<const std::vector<Eigen::Matrix2d>> covariances_px);
 
     /// How sure the place of each vertex of the neutral face is (V, mm): the root of the summed variances of its three
     /// coordinates, in model space, the head's size included.

@@ -103,9 +103,10 @@ LandmarkFile load_landmarks(const std::string& path, const LandmarkFileOptions& 
     return parse_landmarks(read_text_file(path), path, options);
 }
 
-void save_landmarks(const std::string& path, const LandmarkSet& set, int image_width, int image_height)
+void save_landmarks(const std::string& path, const LandmarkSet& set, int image_width, int image_height,
+                    std::span<const Eigen::Matrix2d> covariances_px)
 {
-    write_file(path, format_landmarks(set, image_width, image_height));
+    write_file(path, format_landmarks(set, image_width, image_height, covariances_px));
 }
 
 std::string ibug68_name_of_mediapipe_point(int index)

@@ -6,6 +6,8 @@
 
 #include "lineament/core/checks.hpp"
 
+#include <Eigen/LU>
+
 #include <set>
 
 namespace lineament {
@@ -27,6 +29,41 @@ bool is_ibug68_name(const std::string& name)
 {
     const auto number = parse_integer(name);
     return number && *number >= 1 && *number <= 68 && name == std::to_string(*number);
+}
+
+bool is_positive_definite(const Eigen::Matrix2d& covariance)
+{
+    return covariance.allFinite() && covariance(0, 1) == covariance(1, 0) && covariance(0, 0) > 0.0 &&
+           covariance.determinant() > 0.0;
+}
+
+/// "covariances_px", which is about each of the points or missing.
+void read_covariances(const JsonReader& covariances, const LandmarkFileOptions& options, LandmarkFrame& frame)
+{
+    if (!covariances.value().is_object()) {
+        covariances.fail("an object of named covariances");
+    }
+    const bool is_normalized = options.units == LandmarkUnits::normalized;
+    const Eigen::Vector2d size(is_normalized ? options.image_width : 1.0, is_normalized ? options.image_height : 1.0);
+    for (const Landmark& landmark : frame.set.landmarks) {
+        const JsonReader entries = covariances.member(landmark.name);
+        if (entries.size() != 3) {
+            entries.fail("[xx, xy, yy]");
+        }
+        const double xy = entries.element(1).number();
+        Eigen::Matrix2d covariance;
+        covariance << entries.element(0).number(), xy, xy, entries.element(2).number();
+        covariance = size.asDiagonal() * covariance * size.asDiagonal();
+        if (!is_positive_definite(covariance)) {
+            entries.fail("a positive definite covariance [xx, xy, yy]");
+        }
+        frame.covariances_px.push_back(covariance);
+    }
+    for (const auto& [name, unused] : covariances.value().items()) {
+        if (!frame.set.find(name)) {
+            covariances.member(name).fail("the covariance of one of the points");
+        }
+    }
 }
 
 LandmarkFile read_own(const JsonReader& root, const LandmarkFileOptions& options)
@@ -71,6 +108,9 @@ LandmarkFile read_own(const JsonReader& root, const LandmarkFileOptions& options
             landmark.depth_px = width * read_coordinate(point.element(3));
         }
         frame.set.landmarks.push_back(std::move(landmark));
+    }
+    if (root.has("covariances_px")) {
+        read_covariances(root.member("covariances_px"), options, frame);
     }
     file.frames.push_back(std::move(frame));
     return file;
@@ -160,7 +200,8 @@ LandmarkFile parse_landmark_json(std::string_view text, const std::string& path,
 
 } // namespace detail
 
-std::string format_landmarks(const LandmarkSet& set, int image_width, int image_height)
+std::string format_landmarks(const LandmarkSet& set, int image_width, int image_height,
+                             std::span<const Eigen::Matrix2d> covariances_px)
 {
     require(image_width >= 1 && image_height >= 1, "format_landmarks", "image_width, image_height", "a size >= 1",
             std::to_string(image_width) + " x " + std::to_string(image_height));
@@ -183,11 +224,23 @@ std::string format_landmarks(const LandmarkSet& set, int image_width, int image_
         }
         points[landmark.name] = std::move(point);
     }
-    return detail::format_json({{"format", "lineament-landmarks"},
-                                {"version", 1},
-                                {"scheme", set.scheme},
-                                {"image", {{"width", image_width}, {"height", image_height}}},
-                                {"points", std::move(points)}});
+    detail::Json file = {{"format", "lineament-landmarks"},
+                         {"version", 1},
+                         {"scheme", set.scheme},
+                         {"image", {{"width", image_width}, {"height", image_height}}},
+                         {"points", std::move(points)}};
+    if (!covariances_px.empty()) {
+        require(covariances_px.size() == set.landmarks.size(), "format_landmarks", "covariances_px",
+                "none, or one for each landmark", std::to_string(covariances_px.size()));
+        detail::Json& covariances = file["covariances_px"] = detail::Json::object();
+        for (std::size_t l = 0; l < covariances_px.size(); ++l) {
+            const Eigen::Matrix2d& covariance = covariances_px[l];
+            require(detail::is_positive_definite(covariance), "format_landmarks", "covariances_px",
+                    "symmetric positive definite matrices", "another for " + detail::in_quotes(set.landmarks[l].name));
+            covariances[set.landmarks[l].name] = {covariance(0, 0), covariance(0, 1), covariance(1, 1)};
+        }
+    }
+    return detail::format_json(file);
 }
 
 } // namespace lineament

@@ -88,6 +88,47 @@ TEST(FitLandmarks, TheLargestFaceOfAFileIsTheFirst)
     EXPECT_NEAR(scale(faces_of(folder, "one/face")[0]), full, 0.05 * full);
 }
 
+/// The landmarks of save_synthetic_picture, one of them 40 px off and said to be, if any is, as uncertain as that.
+void save_with_a_wild_landmark(const test::TemporaryFolder& folder, const std::string& name, bool has_covariances)
+{
+    LandmarkSet set = load_landmarks(folder / "face.json").frames.front().set;
+    std::vector<Eigen::Matrix2d> covariances(set.landmarks.size(), Eigen::Matrix2d::Identity());
+    for (std::size_t l = 0; l < set.landmarks.size(); ++l) {
+        if (set.landmarks[l].name == "31") {
+            set.landmarks[l].point_px += Eigen::Vector2d(40, 0);
+            covariances[l] << 1e8, 0, 0, 1e8;
+        }
+    }
+    save_landmarks(folder / name, set, 640, 480, has_covariances ? covariances : std::vector<Eigen::Matrix2d>{});
+}
+
+TEST(FitLandmarks, CovariancesOfAFileSayHowMuchALandmarkCounts)
+{
+    const test::TemporaryFolder folder;
+    save_synthetic_picture(folder, "face");
+    save_with_a_wild_landmark(folder, "stated.json", true);
+    save_with_a_wild_landmark(folder, "wild.json", false);
+    const std::string end = " --loss none --no-report --no-obj";
+    const auto yaw_of = [&](const std::string& landmarks) {
+        const Outcome outcome =
+            run(folder, "fit face.png --landmarks " + landmarks + end + " -o " + landmarks + ".out");
+        EXPECT_EQ(outcome.error, "") << landmarks;
+        return faces_of(folder, landmarks + ".out/face")[0]["pose"]["yaw_deg"].get<double>();
+    };
+    const double clean = yaw_of("face.json");
+    EXPECT_NEAR(yaw_of("stated.json"), clean, 0.5);
+    EXPECT_GT(std::abs(yaw_of("wild.json") - clean), 2); // the twin
+
+    const std::string fit = "fit face.png --landmarks stated.json --no-report --no-obj ";
+    const Outcome thesis = run(folder, fit + "--method thesis -o thesis");
+    EXPECT_NE(thesis.error.find("covariances are left out"), std::string::npos) << thesis.error;
+    EXPECT_EQ(run(folder, fit + "--noise 1 -o noise").exit_code, 2);
+    std::filesystem::copy_file(folder / "face.png", folder / "again.png");
+    const Outcome both = run(folder, "fit face.png again.png --same-person --landmarks stated.json" + end + " -o both");
+    EXPECT_EQ(both.error, "");
+    EXPECT_NEAR(faces_of(folder, "both/again")[0]["pose"]["yaw_deg"].get<double>(), clean, 0.5);
+}
+
 TEST(FitLandmarks, ContourNeedsAnOutline)
 {
     const test::TemporaryFolder folder;

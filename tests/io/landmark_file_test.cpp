@@ -250,6 +250,56 @@ TEST(LandmarkFile, JsonOfAnotherSchemeKeepsItsNames)
     EXPECT_EQ(parse(format_landmarks(set, 10, 10)).frames[0].set, set);
 }
 
+Eigen::Matrix2d covariance_of(double xx, double xy, double yy)
+{
+    Eigen::Matrix2d covariance;
+    covariance << xx, xy, xy, yy;
+    return covariance;
+}
+
+TEST(LandmarkFile, CovariancesGoThroughOurOwnFormat)
+{
+    const LandmarkSet set = {.landmarks = {{"9", {1, 2}}, {"31", {3, 4}}}};
+    const std::vector<Eigen::Matrix2d> covariances = {covariance_of(4, 1, 2), covariance_of(0.1, -0.01, 9)};
+    EXPECT_EQ(parse(format_landmarks(set, 640, 480, covariances)).frames[0].covariances_px, covariances);
+    EXPECT_TRUE(parse(format_landmarks(set, 640, 480)).frames[0].covariances_px.empty());
+
+    // In the order of the points, whichever is that of the covariances; scaled with them.
+    const std::string text = R"({"format":"lineament-landmarks","version":1,"scheme":"ibug68",
+        "image":{"width":640,"height":480}, "covariances_px":{"31":[1e-4,1e-5,2e-4],"9":[1,0,1]},
+        "points":{"9":[0.5,0.5],"31":[0.25,0.25]}})";
+    const LandmarkFrame frame =
+        parse(text, {.units = LandmarkUnits::normalized, .image_width = 640, .image_height = 480}).frames[0];
+    ASSERT_EQ(frame.covariances_px.size(), 2U);
+    EXPECT_EQ(frame.set.landmarks[1].name, "31");
+    EXPECT_TRUE(frame.covariances_px[1].isApprox(covariance_of(1e-4 * 640 * 640, 1e-5 * 640 * 480, 2e-4 * 480 * 480)));
+}
+
+TEST(LandmarkFile, CovariancesThatAreNoneAreRefused)
+{
+    const auto file = [](const std::string& covariances) {
+        return R"({"format":"lineament-landmarks","version":1,"scheme":"ibug68","image":{"width":9,"height":9},
+                   "points":{"1":[5,6],"2":[7,8]},"covariances_px":)" +
+               covariances + "}";
+    };
+    EXPECT_EQ(parse(file(R"({"1":[1,0,1],"2":[1,0.9,1]})")).frames[0].covariances_px.size(), 2U);
+    expect_refused(file(R"({"1":[1,0,1]})"), "/covariances_px/2", "found none");
+    expect_refused(file(R"({"1":[1,0,1],"2":[1,0,1],"3":[1,0,1]})"), "/covariances_px/3", "one of the points");
+    expect_refused(file(R"({"1":[1,0,1],"2":[1,1,1]})"), "/covariances_px/2", "positive definite");
+    expect_refused(file(R"({"1":[1,0,1],"2":[-1,0,-1]})"), "/covariances_px/2", "positive definite");
+    expect_refused(file(R"({"1":[1,0,1],"2":[1,0]})"), "/covariances_px/2", "[xx, xy, yy]");
+    expect_refused(file(R"({"1":[1,0,1],"2":[1,0,"1"]})"), "/covariances_px/2/2", "a number");
+    expect_refused(file("[]"), "/covariances_px", "an object");
+
+    const auto format = [](const std::vector<Eigen::Matrix2d>& covariances) {
+        (void)format_landmarks({"ibug68", {{"1", {5, 6}}}}, 9, 9, covariances);
+    };
+    format({covariance_of(1, 0, 1)});
+    EXPECT_TRUE(throws<InvalidArgument>([&] { format({covariance_of(1, 2, 1)}); }, "positive definite"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { format({covariance_of(std::nan(""), 0, 1)}); }, "positive definite"));
+    EXPECT_TRUE(throws<InvalidArgument>([&] { format(std::vector(2, covariance_of(1, 0, 1))); }, "one for each"));
+}
+
 TEST(LandmarkFile, WriterRefusesWhatTheReaderWould)
 {
     const auto format = [](const Landmark& landmark) { (void)format_landmarks({"ibug68", {landmark}}, 10, 10); };

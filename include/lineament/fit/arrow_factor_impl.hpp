@@ -202,7 +202,7 @@ public:
                 }
                 row += num_rows;
             }
-            if (count == 1) {
+            if (count == 1 && matrix.shared_width <= kernels::max_width_for_one) {
                 float* alone = room_for(sums_, width);
                 std::fill_n(alone, matrix.shared_width, 0.0f);
                 Eigen::Map<Eigen::VectorXf>(alone, num_beside) = beside.col(0);

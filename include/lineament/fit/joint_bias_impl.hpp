@@ -138,7 +138,7 @@ LINEAMENT_FIT_INLINE void JointProblem::add_coupling_rows_of_image(std::size_t i
                                own, width);
 }
 
-/// Rows of alpha of the points that have a bias, turned by a matrix each, the same in all images.
+/// Adds the rows of alpha of the points that have a bias, turned by a matrix each, the same in all images.
 template <typename MatrixOf>
 void JointProblem::add_turned_points_of_biases(MatrixOf matrix_of, float* rows, int width, JointSystem& system) const
 {

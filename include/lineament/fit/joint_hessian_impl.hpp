@@ -11,10 +11,8 @@
 #include <Eigen/Core>
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
-#include <numeric>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace lineament::detail {

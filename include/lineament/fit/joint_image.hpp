@@ -55,7 +55,7 @@ private:
                                                            const Eigen::Vector2d& landmark, double radius_px,
                                                            double max_distance_px);
 
-/// Packs them.
+/// The landmark points and outline candidates of a fitter's model.
 [[nodiscard]] JointPoints joint_points(const FaceFitter& base);
 
 /// What the fits of a JointFitter have in common.

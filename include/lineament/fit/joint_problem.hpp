@@ -12,6 +12,7 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -100,6 +101,8 @@ struct JointSystem
     Eigen::VectorXd down = {}; ///< K, how far each unknown may go; of the state that the gradient is of.
     Eigen::VectorXd up = {};
 
+    RoomyMatrix<Eigen::Matrix3Xd> pulls_as_first = {}; ///< J^T W r of points that the first image has, of the others.
+
     // Needed for the scale term and to recover the biases:
     Eigen::MatrixXd bias_coupling = {};      ///< K x 3L; by kernels the coupling rows instead.
     Eigen::MatrixXd bias_blocks = {};        ///< 3 x 3L, the biases' own.
@@ -112,8 +115,7 @@ struct JointSystem
     Eigen::MatrixXd bias_with_points = {}; ///< 3 x 3L, of the biases with these.
 
     // Kept for their room:
-    std::vector<PointTerms> terms = {};                ///< Of each image.
-    RoomyMatrix<Eigen::Matrix3Xd> pulls_as_first = {}; ///< Of points that the first image has too.
+    std::vector<PointTerms> terms = {}; ///< Of each image.
     std::vector<int> free = {};
     UpperTriangle with_held = {};
     AlignedBuffer<float> rows = {}, expression_rows = {}, gram = {}, shape_gram = {};
@@ -259,11 +261,12 @@ private:
         }
         return is_camera(unknown) ? 0.0 : inverse_square(options_->expression_sigma);
     }
-    /// Leading points of an image that the first one has too; of the first itself none.
+    /// How many of an image's points, tied to the landmark map, begin as the first image's do; of the first itself
+    /// none.
     [[nodiscard]] Eigen::Index num_as_first(std::size_t image) const
     {
-        const std::vector<int>& tied = images[image].map_indices;
-        return image > 0 && tied == images.front().map_indices ? static_cast<Eigen::Index>(tied.size()) : 0;
+        const std::vector<int>&tied = images[image].map_indices, &first = images.front().map_indices;
+        return image > 0 ? std::mismatch(tied.begin(), tied.end(), first.begin(), first.end()).first - tied.begin() : 0;
     }
     /// @param first  The points of the first image, placed already where the image is another.
     void place_image(std::size_t image, const JointState& state, const PlacedPoints& first, PlacedPoints& placed) const;

@@ -18,6 +18,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 namespace lineament::detail {
@@ -43,10 +44,11 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
 {
     const JointImage& seen = images[image];
     const PackedPoints& points = seen.points;
-    if (const Eigen::Index count = num_as_first(image); count > placed.num_shaped) {
+    Eigen::Index num_shaped = std::exchange(placed.num_shaped, 0);
+    if (const Eigen::Index count = num_as_first(image); kernels != nullptr && count > num_shaped) {
         placed.shape.resize(3, points.mean.cols());
         placed.shape.leftCols(count) = first.shape.leftCols(count);
-        placed.num_shaped = count;
+        num_shaped = count;
     }
     points.expression.multiply(kernels, points.num_points, state.psi[image], placed.padded, placed.offsets);
     if (state.bias.size() > 0) {
@@ -57,8 +59,7 @@ LINEAMENT_FIT_INLINE void JointProblem::place_image(std::size_t image, const Joi
         }
     }
     placed.offsets *= own_scale(image, state);
-    points.evaluate_shape(kernels, state.alpha, placed.num_shaped, placed.padded, placed.shape);
-    placed.num_shaped = 0;
+    points.evaluate_shape(kernels, state.alpha, num_shaped, placed.padded, placed.shape);
     placed.points = placed.shape.leftCols(points.num_points) + placed.offsets;
     set_residuals(kernels, state.cameras[image], placed.points, seen.image_points, seen.roots, placed.residuals);
 }
@@ -188,7 +189,8 @@ LINEAMENT_FIT_INLINE void JointProblem::set_terms(std::size_t image, const Joint
     terms.derivatives.rightCols<2>() *= camera.scale_px_per_mm / reference_scale; // by the shared phi
 }
 
-/// J^T W r of one image; that of alpha, of points that the first one has too, is left to that.
+/// J^T W r of one image. By kernels that of alpha, of points that the first image has too, is left to that one, which
+/// therefore comes last.
 LINEAMENT_FIT_INLINE void JointProblem::add_gradient(std::size_t image, const JointState& state,
                                                      JointSystem& system) const
 {

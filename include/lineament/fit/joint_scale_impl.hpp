@@ -67,7 +67,7 @@ LINEAMENT_FIT_INLINE std::vector<double> JointProblem::scale_strengths_of_grams(
     return strengths;
 }
 
-/// By kernels. Where alpha and a bias move a point is the same in all images.
+/// By kernels. Where alpha and a bias move a point in model space is the same in all images.
 /// @param spread  The covariance of alpha with the biases, or empty.
 LINEAMENT_FIT_INLINE std::vector<double> JointProblem::scale_strengths_of_arrow(const JointState& state,
                                                                                 const std::vector<int>& linear,
@@ -173,8 +173,9 @@ LINEAMENT_FIT_INLINE double JointProblem::product_with_gram(const JointImage& im
     double sum = 0;
     for (int j = 0; j < num_alpha; ++j) {
         const Eigen::Index at = j * (width + 1), count = num_alpha - j;
-        sum += static_cast<double>(Eigen::Map<const Eigen::VectorXf>(gram + at, count)
-                                       .dot(Eigen::Map<const Eigen::VectorXf>(factors + at, count)));
+        sum += Eigen::Map<const Eigen::VectorXf>(gram + at, count)
+                   .cast<double>()
+                   .dot(Eigen::Map<const Eigen::VectorXf>(factors + at, count).cast<double>());
     }
     return sum;
 }

@@ -4,7 +4,10 @@
 
 #include "lineament/core/landmarks.hpp"
 
+#include <Eigen/Core>
+
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -64,6 +67,9 @@ struct LandmarkFrame
     std::optional<double> time_s = std::nullopt; ///< Time stamp [s].
     std::optional<int> frame = std::nullopt;     ///< As numbered by the file.
     std::optional<int> face_id = std::nullopt;   ///< As numbered by the file.
+    /// Of the noise of each landmark, in the order of the set [px^2]; empty: the file says nothing of it. As
+    /// JointFitter takes them.
+    std::vector<Eigen::Matrix2d> covariances_px = {};
 };
 
 struct LandmarkFile
@@ -88,11 +94,15 @@ struct LandmarkFile
 [[nodiscard]] LandmarkFile load_landmarks(const std::string& path, const LandmarkFileOptions& options = {});
 
 /// The set as Lineament landmark JSON; parse_landmarks gives it back bit for bit.
-/// @throws InvalidArgument on a name that is empty or repeated, a number that is not finite, a size < 1.
-[[nodiscard]] std::string format_landmarks(const LandmarkSet& set, int image_width, int image_height);
+/// @param covariances_px  One for each landmark [px^2], or none.
+/// @throws InvalidArgument on a name that is empty or repeated, a number that is not finite, a size < 1, a covariance
+///         that is not symmetric positive definite, or another number of them.
+[[nodiscard]] std::string format_landmarks(const LandmarkSet& set, int image_width, int image_height,
+                                           std::span<const Eigen::Matrix2d> covariances_px = {});
 
 /// format_landmarks into a file, which is replaced only when all of it is written.
-void save_landmarks(const std::string& path, const LandmarkSet& set, int image_width, int image_height);
+void save_landmarks(const std::string& path, const LandmarkSet& set, int image_width, int image_height,
+                    std::span<const Eigen::Matrix2d> covariances_px = {});
 
 /// The name in the scheme ibug68 of a point of MediaPipe's 468- or 478-point face mesh, or an empty text. Of the
 /// outline only the chin has a counterpart; the other outline points of ibug68 mark the visible edge, which no fixed

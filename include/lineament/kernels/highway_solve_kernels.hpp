@@ -162,15 +162,14 @@ void solve_lower(const T* system, int n, int width, const T* inverse_diagonal, T
 /// vectors behind them.
 inline void solve_for_one(const float* system, int n, int begin, int width, const float* inverse_diagonal, float* x)
 {
-    constexpr int max_width = 512;
-    if (width > max_width) {
+    if (width > max_width_for_one) {
         scalar::solve_for_one(system, n, begin, width, inverse_diagonal, x);
         return;
     }
     using Tag = FullTag<float>;
     const Tag d;
     constexpr int step = full_lanes<float>;
-    alignas(64) float y[max_width];
+    alignas(64) float y[max_width_for_one];
     std::fill_n(y, width, 0.0f);
     const int whole = n / 4 * 4;
 
