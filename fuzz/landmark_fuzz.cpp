@@ -14,14 +14,16 @@ namespace {
 
 using namespace lineament;
 
-// A set of our own JSON, whose numbers are all in the range of the reader, written and read again.
-void check_round_trip(const LandmarkSet& set)
+// What our own JSON said, whose numbers are all in the range of the reader, written and read again.
+void check_round_trip(const LandmarkFrame& frame)
 {
     LandmarkFileOptions options; // normalised to one pixel: any numbers are taken, as they are
     options.units = LandmarkUnits::normalized;
     options.image_width = 1;
     options.image_height = 1;
-    if (!(parse_landmarks(format_landmarks(set, 640, 480), "again", options).frames.at(0).set == set)) {
+    const std::string text = format_landmarks(frame.set, 640, 480, frame.covariances_px);
+    const LandmarkFrame again = parse_landmarks(text, "again", options).frames.at(0);
+    if (!(again.set == frame.set) || again.covariances_px != frame.covariances_px) {
         std::abort();
     }
 }
@@ -40,7 +42,7 @@ void check(const LandmarkFile& file)
             largest = std::max(largest, landmark.point_px.cwiseAbs().maxCoeff());
         }
         if (file.format == LandmarkFormat::json && largest <= 1e7) {
-            check_round_trip(frame.set);
+            check_round_trip(frame);
         }
     }
 }
