@@ -22,6 +22,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
+#include <optional>
 
 namespace {
 
@@ -164,7 +165,8 @@ void measure_offsets(const MorphableModel& model, MeshDetector& detector, const 
 struct Subject
 {
     std::string person;
-    Eigen::Matrix3Xd face; ///< Neutral, on the face mask.
+    Eigen::Matrix3Xd face;        ///< Neutral, on the face mask.
+    Eigen::VectorXd coefficients; ///< Of shape.
 };
 
 Eigen::Matrix3Xd face_of(const MorphableModel& model, const FitResult& fit)
@@ -181,33 +183,90 @@ Eigen::Matrix3Xd face_of(const MorphableModel& model, const FitResult& fit)
     return face;
 }
 
-void print_consistency(const char* what, const std::vector<Subject>& subjects)
+/// Mean distance of the vertices after alignment, mm.
+double distance_of_faces(const Subject& a, const Subject& b)
 {
-    std::vector<double> same;
-    std::vector<double> different;
+    return (align_points(a.face, b.face) * a.face - b.face).colwise().norm().mean();
+}
+
+/// In standard deviations of the model.
+double distance_of_coefficients(const Subject& a, const Subject& b)
+{
+    return (a.coefficients - b.coefficients).norm();
+}
+
+/// A pair of photos and how far apart their faces are.
+struct Pair
+{
+    std::size_t first, second;
+    bool is_same_person;
+    double distance;
+};
+
+std::vector<Pair> pairs_of(const std::vector<Subject>& subjects, double (*distance)(const Subject&, const Subject&))
+{
+    std::vector<Pair> pairs;
     for (std::size_t i = 0; i < subjects.size(); ++i) {
         for (std::size_t k = i + 1; k < subjects.size(); ++k) {
-            const Eigen::Matrix3Xd& target = subjects[k].face;
-            const Eigen::Matrix3Xd aligned = align_points(subjects[i].face, target) * subjects[i].face;
-            const double distance = (aligned - target).colwise().norm().mean();
-            (subjects[i].person == subjects[k].person ? same : different).push_back(distance);
+            pairs.push_back({i, k, subjects[i].person == subjects[k].person, distance(subjects[i], subjects[k])});
         }
     }
-    const auto mean = [](const std::vector<double>& values) {
-        double sum = 0.0;
-        for (const double value : values) {
-            sum += value;
+    return pairs;
+}
+
+/// The share of a pair of one person and one of two in which the former is nearer.
+/// @param left_out  A photo whose pairs do not count, if any.
+double area_under_curve(const std::vector<Pair>& pairs, std::optional<std::size_t> left_out = std::nullopt)
+{
+    std::vector<double> same, different;
+    for (const Pair& pair : pairs) {
+        if (pair.first != left_out && pair.second != left_out) {
+            (pair.is_same_person ? same : different).push_back(pair.distance);
         }
-        return sum / static_cast<double>(values.size());
-    };
+    }
     double num_in_order = 0.0;
     for (const double a : same) {
         for (const double b : different) {
             num_in_order += a < b ? 1.0 : 0.0;
         }
     }
-    std::printf("%-28s %6zu %9.2f %9.2f %9.3f %9.3f\n", what, subjects.size(), mean(same), mean(different),
-                mean(same) / mean(different), num_in_order / static_cast<double>(same.size() * different.size()));
+    return num_in_order / static_cast<double>(same.size() * different.size());
+}
+
+double mean_distance(const std::vector<Pair>& pairs, bool is_same_person)
+{
+    double sum = 0.0, count = 0.0;
+    for (const Pair& pair : pairs) {
+        if (pair.is_same_person == is_same_person) {
+            sum += pair.distance;
+            ++count;
+        }
+    }
+    return sum / count;
+}
+
+void print_consistency(const char* what, const std::vector<Subject>& subjects)
+{
+    const std::vector<Pair> faces = pairs_of(subjects, distance_of_faces);
+    const double same = mean_distance(faces, true), different = mean_distance(faces, false);
+    std::printf("%-28s %6zu %9.2f %9.2f %9.3f %9.3f %9.3f\n", what, subjects.size(), same, different, same / different,
+                area_under_curve(faces), area_under_curve(pairs_of(subjects, distance_of_coefficients)));
+}
+
+/// How much larger the area is by one method than by another, of the same photos, and by the jackknife over these its
+/// standard error.
+void print_difference(const std::vector<Subject>& one, const std::vector<Subject>& other,
+                      double (*distance)(const Subject&, const Subject&))
+{
+    const std::vector<Pair> pairs = pairs_of(one, distance), other_pairs = pairs_of(other, distance);
+    const std::size_t count = one.size();
+    Eigen::ArrayXd without(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        without[static_cast<Eigen::Index>(i)] = area_under_curve(pairs, i) - area_under_curve(other_pairs, i);
+    }
+    const double n = static_cast<double>(count);
+    std::printf("  %7.3f (%.3f)", area_under_curve(pairs) - area_under_curve(other_pairs),
+                std::sqrt((n - 1) / n * (without - without.mean()).square().sum()));
 }
 
 void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detector, const fs::path& images)
@@ -255,21 +314,31 @@ void measure_consistency(const MorphableModel& model, MeshDetector& mesh_detecto
         for (Method& method : methods) {
             for (std::size_t l = 0; l < landmarks.size(); ++l) {
                 const FitResult fit = method.fitters.fit(landmarks[l], center_of(picture));
-                method.subjects[l].push_back({person, face_of(model, fit)});
+                method.subjects[l].push_back({person, face_of(model, fit), fit.shape_coefficients});
                 method.fit_us += l == 2 ? fit.timing.total_us : 0.0;
             }
         }
     }
+    constexpr std::array<const char*, 4> landmark_names = {"68 of dlib", "52 of the mesh as ibug68", "468 of the mesh",
+                                                           "these with dlib's outline"};
     for (const Method& method : methods) {
-        std::printf("\nNeutral faces of four people, method %s, mean distance after alignment, mm\n"
-                    "%-28s %6s %9s %9s %9s %9s\n",
-                    method.name.c_str(), "landmarks", "photos", "same", "other", "ratio", "AUC");
-        print_consistency("68 of dlib", method.subjects[0]);
-        print_consistency("52 of the mesh as ibug68", method.subjects[1]);
-        print_consistency("468 of the mesh", method.subjects[2]);
-        print_consistency("these with dlib's outline", method.subjects[3]);
+        std::printf(
+            "\nNeutral faces of four people, method %s, mean distance after alignment, mm; area under the curve\n"
+            "by it and by the distance of the coefficients\n"
+            "%-28s %6s %9s %9s %9s %9s %9s\n",
+            method.name.c_str(), "landmarks", "photos", "same", "other", "ratio", "AUC, mm", "AUC, sd");
+        for (std::size_t l = 0; l < landmark_names.size(); ++l) {
+            print_consistency(landmark_names[l], method.subjects[l]);
+        }
         std::printf("fit of 468 points: %.2f ms (mean)\n",
                     1e-3 * method.fit_us / static_cast<double>(method.subjects[2].size()));
+    }
+    std::printf("\nArea under the curve of joint minus that of thesis, standard error by the jackknife over photos\n");
+    for (std::size_t l = 0; l < landmark_names.size(); ++l) {
+        std::printf("%-28s", landmark_names[l]);
+        print_difference(methods[1].subjects[l], methods[0].subjects[l], distance_of_faces);
+        print_difference(methods[1].subjects[l], methods[0].subjects[l], distance_of_coefficients);
+        std::printf("\n");
     }
 }
 
