@@ -50,9 +50,10 @@ void read_covariances(const JsonReader& covariances, const LandmarkFileOptions& 
         if (entries.size() != 3) {
             entries.fail("[xx, xy, yy]");
         }
-        const double xy = entries.element(1).number();
+        const double xx = entries.element(0).number(), xy = entries.element(1).number();
+        const double yy = entries.element(2).number();
         Eigen::Matrix2d covariance;
-        covariance << entries.element(0).number(), xy, xy, entries.element(2).number();
+        covariance << xx, xy, xy, yy;
         covariance = size.asDiagonal() * covariance * size.asDiagonal();
         if (!is_positive_definite(covariance)) {
             entries.fail("a positive definite covariance [xx, xy, yy]");
