@@ -54,6 +54,15 @@ constexpr std::int64_t gram_operations = num_contour_rows * width * (width + 1);
 constexpr std::int64_t gram_bytes = 6 * 4 * width * (width + 1) / 2;
 constexpr std::int64_t solve_operations =
     num_unknowns * num_unknowns * num_unknowns / 3 + 2 * num_unknowns * num_unknowns;
+// A step of JointFitter, of alpha, six expressions and the camera:
+constexpr int num_joint_rows = 2 * num_points;
+constexpr int num_joint_unknowns = 72;
+constexpr int joint_width = 80; // they end where rows do
+constexpr int joint_begin = joint_width - num_joint_unknowns;
+constexpr std::int64_t joint_gram_operations = num_joint_rows * num_joint_unknowns * (num_joint_unknowns + 1);
+constexpr std::int64_t factor_and_invert_operations =
+    2 * num_joint_unknowns * num_joint_unknowns * num_joint_unknowns / 3; // a triangle each
+
 constexpr std::int64_t row_bytes = 4 * 3 * num_points * width;
 
 void add_gram(benchmark::State& state, const Kernels& kernels)
@@ -67,10 +76,48 @@ void add_gram(benchmark::State& state, const Kernels& kernels)
     }
 }
 
-void reference_add_gram(benchmark::State& state)
+void joint_gram(benchmark::State& state, const Kernels& kernels)
 {
-    const Eigen::MatrixXd rows = Eigen::MatrixXd::Constant(width, num_contour_rows, 1e-3);
-    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(width, width);
+    AlignedBuffer<float> rows(num_joint_rows * joint_width);
+    std::fill_n(rows.data(), rows.size(), 1e-3f);
+    AlignedBuffer<float> gram(joint_width * joint_width);
+    for (auto _ : state) {
+        kernels.set_gram(rows.data(), num_joint_rows, joint_begin, joint_width, joint_width, gram.data());
+        benchmark::DoNotOptimize(gram.data());
+    }
+}
+
+void factor_and_invert(benchmark::State& state, const Kernels& kernels)
+{
+    AlignedBuffer<float> matrix(num_joint_unknowns * joint_width), system(num_joint_unknowns * joint_width);
+    AlignedBuffer<float> inverses(joint_width), inverse(num_joint_unknowns * joint_width);
+    std::fill_n(matrix.data(), matrix.size(), 0.25f);
+    for (int i = 0; i < num_joint_unknowns; ++i) {
+        matrix[static_cast<std::size_t>(joint_begin + (joint_width + 1) * i)] = 8;
+    }
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(kernels.factor_and_invert_float(matrix.data(), num_joint_unknowns, joint_begin,
+                                                                 joint_width, system.data(), inverses.data(),
+                                                                 num_joint_unknowns, inverse.data(), joint_width));
+    }
+}
+
+void reference_factor_and_invert(benchmark::State& state)
+{
+    Eigen::MatrixXd matrix = Eigen::MatrixXd::Constant(num_joint_unknowns, num_joint_unknowns, 0.25);
+    matrix.diagonal().setConstant(8);
+    Eigen::MatrixXd inverse(num_joint_unknowns, num_joint_unknowns);
+    for (auto _ : state) {
+        inverse.setIdentity();
+        matrix.llt().matrixL().solveInPlace(inverse);
+        benchmark::DoNotOptimize(inverse.data());
+    }
+}
+
+void reference_gram(benchmark::State& state, int num_columns, int num_rows)
+{
+    const Eigen::MatrixXd rows = Eigen::MatrixXd::Constant(num_columns, num_rows, 1e-3);
+    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(num_columns, num_columns);
     for (auto _ : state) {
         gram.selfadjointView<Eigen::Lower>().rankUpdate(rows);
         benchmark::DoNotOptimize(gram.data());
@@ -160,13 +207,19 @@ void register_kernels(const Kernels& kernels)
     add_read_limit(limit + "combine_grams", kernels, gram_bytes);
     add_kernel("solve_positive", solve_positive);
     add_arithmetic_limit(limit + "solve_positive", kernels, solve_operations);
+    add_kernel("joint_gram", joint_gram);
+    add_arithmetic_limit(limit + "joint_gram", kernels, joint_gram_operations);
+    add_kernel("factor_and_invert", factor_and_invert);
+    add_arithmetic_limit(limit + "factor_and_invert", kernels, factor_and_invert_operations);
     add_kernel("multiply_rows", multiply_rows);
     add_read_limit(limit + "multiply_rows", kernels, row_bytes);
 }
 
 void register_reference_kernels()
 {
-    add("reference/add_gram", reference_add_gram);
+    add("reference/add_gram", [](benchmark::State& s) { reference_gram(s, width, num_contour_rows); });
+    add("reference/joint_gram", [](benchmark::State& s) { reference_gram(s, num_joint_unknowns, num_joint_rows); });
+    add("reference/factor_and_invert", reference_factor_and_invert);
     add("reference/solve_positive", reference_solve_positive);
     add("reference/multiply_rows", reference_multiply_rows);
 }

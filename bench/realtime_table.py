@@ -71,6 +71,8 @@ PARTS = {
     "combine_grams": "sum of six Gram matrices",
     "add_gram": "Gram matrix of 32 rows of 64",
     "solve_positive": "solve in 60 unknowns",
+    "joint_gram": "Gram matrix of 136 rows of 72, a step of `JointFitter`",
+    "factor_and_invert": "its factor, with the inverse",
 }
 
 
@@ -151,7 +153,8 @@ def plot(run, rows, path):
     plt.rcParams.update({"font.size": 9, "legend.fontsize": 8, "axes.spines.top": False, "axes.spines.right": False,
                          "legend.frameon": False})
     calibration = run.least("calibration")
-    figure, axes = plt.subplots(figsize=(9, 0.24 * len(rows) + 1.2))
+    height = 0.22 * len(rows) + 1.2
+    figure, axes = plt.subplots(figsize=(9, height))
     for i, row in enumerate(rows):
         ratio = row.least / calibration
         if row.reference:
@@ -170,7 +173,7 @@ def plot(run, rows, path):
     axes.grid(axis="x", color="#e4e4e4")
     axes.set_axisbelow(True)
     axes.set_xlabel(f"least time, ratio to that of the calibration kernel ({calibration:.0f} µs)")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1.07), ncol=3)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.4, 1 + 0.4 / height), ncol=3)
     figure.tight_layout()
     figure.savefig(path, dpi=110, pil_kwargs={"optimize": True})
 
