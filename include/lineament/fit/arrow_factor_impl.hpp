@@ -210,8 +210,8 @@ public:
                                               shared_inverses_.data(), alone);
                 beside.col(0) = Eigen::Map<const Eigen::VectorXf>(alone, num_beside);
             } else {
-                kernels_->solve_factored_float(shared_.data(), num_beside, matrix.shared_width,
-                                               shared_inverses_.data(), beside.data());
+                kernels_->solve_factored_float(shared_.data(), num_beside, matrix.shared_width, shared_inverses_.data(),
+                                               beside.data());
             }
             more.setZero();
             std::fill_n(x, width, 0.0);
