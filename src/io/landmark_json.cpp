@@ -60,6 +60,9 @@ void read_covariances(const JsonReader& covariances, const LandmarkFileOptions& 
         }
         frame.covariances_px.push_back(covariance);
     }
+    if (covariances.value().size() == frame.set.landmarks.size()) {
+        return; // each name stands once
+    }
     for (const auto& [name, unused] : covariances.value().items()) {
         if (!frame.set.find(name)) {
             covariances.member(name).fail("the covariance of one of the points");

@@ -122,7 +122,11 @@ TEST(FitLandmarks, CovariancesOfAFileSayHowMuchALandmarkCounts)
     const std::string fit = "fit face.png --landmarks stated.json --no-report --no-obj ";
     const Outcome thesis = run(folder, fit + "--method thesis -o thesis");
     EXPECT_NE(thesis.error.find("covariances are left out"), std::string::npos) << thesis.error;
+    EXPECT_EQ(run(folder, "--strict " + fit + "--method thesis -o strict").exit_code, 3);
     EXPECT_EQ(run(folder, fit + "--noise 1 -o noise").exit_code, 2);
+    const Outcome outline = run(folder, fit + "--outline dlib -o outline");
+    EXPECT_EQ(outline.exit_code, 2);
+    EXPECT_NE(outline.error.find("have no covariance"), std::string::npos) << outline.error;
     std::filesystem::copy_file(folder / "face.png", folder / "again.png");
     const Outcome both = run(folder, "fit face.png again.png --same-person --landmarks stated.json" + end + " -o both");
     EXPECT_EQ(both.error, "");

@@ -257,6 +257,8 @@ TEST(PositiveFactor, SolvesImageByImage)
                     damped.diagonal() *= 1 + damping;
                     ASSERT_TRUE(factor.factor(arrow.matrix, damping));
                     EXPECT_THAT(solved(factor, b), IsNear(Eigen::MatrixXd(damped.inverse() * b), 1e-4));
+                    EXPECT_THAT(solved(factor, b.leftCols(1)),
+                                IsNear(Eigen::MatrixXd(damped.inverse() * b.leftCols(1)), 1e-4));
                     const std::vector<int> some = {12, 0, 13, 10, 3, 9, 14, 8, 11}; // more than a kernel takes at once
                     EXPECT_THAT(factor.inverse_block(some),
                                 IsNear(Eigen::MatrixXd(damped.inverse()(some, some)), 1e-4));
@@ -286,6 +288,23 @@ TEST(PositiveFactor, SolvesImageByImage)
                     EXPECT_FALSE(factor.factor(indefinite.matrix, 0.0)) << bad;
                 }
             }
+        }
+    }
+}
+
+TEST(PositiveFactor, SolvesForOneOfAnyWidth)
+{
+    for (const int num_hidden : {kernels::max_width_for_one - 26, kernels::max_width_for_one + 4}) { // in threes
+        Random random(826);
+        const Arrow arrow(random, {3, 2}, num_hidden, 9);
+        const Eigen::MatrixXd visible = arrow.visible();
+        const Eigen::MatrixXd b = test::random_normal(random, visible.rows());
+        const bool is_within = arrow.matrix.shared_width <= kernels::max_width_for_one;
+        EXPECT_EQ(is_within, num_hidden < kernels::max_width_for_one);
+        for (const kernels::Kernels* set : kernels::supported_kernels()) {
+            detail::PositiveFactor factor(set);
+            ASSERT_TRUE(factor.factor(arrow.matrix, 0.0)) << set->name;
+            EXPECT_THAT(solved(factor, b), IsNear(Eigen::MatrixXd(visible.inverse() * b), 1e-4)) << set->name;
         }
     }
 }

@@ -84,8 +84,8 @@ struct LandmarkFile
 ///
 /// @param path  Name for messages.
 /// @throws IoError naming line and column (or byte), what was expected, what was found and what to do: a row that is
-/// not
-///   two numbers, counts that disagree, an unknown or repeated name, a decimal comma, points that look normalised.
+///         not two numbers, counts that disagree, an unknown or repeated name, a decimal comma, points that look
+///         normalised, a covariance that is none.
 /// @throws InvalidArgument if the image size is needed and missing.                              docs/formats.md
 [[nodiscard]] LandmarkFile parse_landmarks(std::string_view bytes, const std::string& path,
                                            const LandmarkFileOptions& options = {});

@@ -249,8 +249,8 @@ struct Kernels
                                      float* inverse_diagonal, int num_inverted, float* inverse, int inverse_width);
     void (*solve_factored_float)(const float* system, int n, int width, const float* inverse_diagonal, float* x);
     /// The same for one right side, x, of which what lies beside the n columns from `begin` on becomes 0; `system` and
-    /// x are whole rows of `width`, and `begin` is a multiple of four. Plain C++
-    /// beyond max_width_for_one.
+    /// x are whole rows of `width`, and `begin` is a multiple of four. Plain C++ beyond
+    /// max_width_for_one.
     void (*solve_for_one_float)(const float* system, int n, int begin, int width, const float* inverse_diagonal,
                                 float* x);
     /// X = U^-T X alone; rows of zeros that X begins with cost next to nothing.
