@@ -20,8 +20,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <optional>
-#include <span>
 
 namespace lineament::cli {
 
